@@ -337,6 +337,33 @@ def test_mass_moved_from_place_to_place_keeps_its_sign():
         assert kind(pair) is None
 
 
+def test_sign_of_a_tissue_that_breaks_follows_from_the_work_before():
+    """The force falls over most of the motion; the work is positive throughout."""
+    position = -0.1 * TIME
+    force = -1.5 * (1 - np.exp(position)) * np.exp(-(np.clip(-1.5 - position, 0, None) ** 2)) + 0.03 * noise(
+        len(TIME), 5
+    )
+    assert np.corrcoef(position, force)[0, 1] < 0
+    assert kind((position, force)) is None
+    assert kind((position, -force)) == "sign"
+
+
+@pytest.mark.parametrize("drift", [-1e-3, 0.0, 1e-3])
+def test_hold_has_no_sign(drift):
+    """The force relaxes by 2 N while the frame yields by some micrometres."""
+    relaxed = 2 * np.exp(-TIME / 10)
+    position = drift * relaxed + 1e-4 * noise(len(TIME), 6)
+    for force in (3 + relaxed, -3 - relaxed, 3 + 0 * relaxed):
+        assert kind((position, force + 0.02 * noise(len(TIME), 7))) is None
+
+
+def test_ramp_to_a_hold_shows_its_sign():
+    position = np.clip(TIME / 2, 0, 1)
+    force = position * (1 + np.exp(-TIME / 5)) + 0.01 * noise(len(TIME), 8)
+    assert kind((position, force)) is None
+    assert kind((position, -force)) == "sign"
+
+
 def test_delayed_force_is_not_an_inverted_sign():
     """A spring with a delay of 20 ms seems to give off energy."""
     position = drive(6)
@@ -387,9 +414,8 @@ def test_suggested_yaml_corrects_records(tmp_path, wrong):
 
 
 def test_valid_experiments_have_no_sign_or_direction_finding(shared):
-    for folder in sorted(
-        [*(shared / "hidden_effects").glob("case_*"), *(shared / "hard_effects").glob("*/records")]
-    ):
+    folders = [*(shared / "hidden_effects").glob("case_*"), *(shared / "hard_effects").glob("*/records")]
+    for folder in sorted([*folders, *(shared / "protocols").glob("p[01]?/records")]):
         pairs = []
         for file in sorted(folder.glob("*.csv")):
             time, position, force = np.loadtxt(file, delimiter=",", skiprows=1).T

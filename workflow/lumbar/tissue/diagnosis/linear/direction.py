@@ -2,7 +2,8 @@
 
 A tissue only absorbs energy over a record, and its force has at least the detail of its motion. So ∮ output d(input) > 0, and the
 input is the smoother channel. If the channels are exchanged, the integral is negative and the output is the smoother channel; if
-a sign is inverted, only the integral is negative. A spring absorbs no energy: the slope of force over position then decides.
+a sign is inverted, only the integral is negative. A spring absorbs no energy, and a tissue may tear: the work of loading it, from
+one reversal of the motion to the next, then decides.
 """
 
 from itertools import chain, combinations
@@ -15,6 +16,7 @@ from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.residuals.motion_diagnostics import reversals
 from lumbar.tissue.signals.spectrum import spectral_edge
 
 _MIN_SIGMAS = 4.0
@@ -25,8 +27,13 @@ _MIN_ROUGH, _MAX_SMOOTH, _MAX_ELASTIC = 1.1, 0.95, 0.6
 """Limits of the ratio of the input's detail to the output's: the input is rougher above the first, smoother below the second, and
 smoother than with any spring below the third."""
 _SIGN_MARGIN = 0.2
-"""Additional share of the force that spring, damper and mass must explain if its sign is inverted. The force of a mass is smaller
-at larger positions, with the correlation −|ẋ|²/(|x||ẍ|)."""
+"""Additional share of the force that spring, damper and mass must explain if its sign is inverted."""
+_LOADING_SHARE = 0.3
+"""Smallest part of a motion that loads or unloads the material, as a share of the range."""
+_MAX_LOADING_WORK = -0.5
+"""Work over all loadings, relative to its size, below which the force opposes the motion."""
+_MAX_ONE_WAY_LOADINGS, _MIN_ONE_WAY_SHARE = 2, 0.5
+"""Largest number of loadings, and smallest distance of the ends in ranges, of a motion that leads to another place."""
 _MAX_LAG_CORRELATION = 0.3
 """Correlation of force and position above which negative energy may result from a lag."""
 _MEANS_PER_WINDOW = 32
@@ -103,19 +110,43 @@ def inverted_sign_reason(record: Record) -> str:
 
 def _inverted_sign(measures: list[dict[str, Any]], position: str, force: str) -> tuple[str, float]:
     """Return the reason and the deciding number if a sign is inverted, else an empty text and 0."""
-    energy, roughness, correlation, passive, inverted = (
-        _median(measures, name)
-        for name in ("energy", "roughness", "correlation", "passive_share", "inverted_share")
+    energy, roughness, correlation = (
+        _median(measures, name) for name in ("energy", "roughness", "correlation")
     )
     is_given = _standard_errors(measures, "blocks") < -_MIN_SIGMAS and energy < -_MIN_ENERGY
     is_detailed = roughness < _MAX_ELASTIC or (roughness < _MAX_SMOOTH and correlation < _MAX_LAG_CORRELATION)
     if is_given and (is_detailed or (roughness < _MIN_ROUGH and correlation < -_MAX_LAG_CORRELATION)):
         reason = "over the records the material gives off energy instead of absorbing it"
         return f"{reason} (correlation of {force} and speed {energy:+.2f})", energy
-    if correlation < 0 and inverted > passive + _SIGN_MARGIN:
-        reason = f"the {force} falls if the {position} grows (correlation {correlation:+.2f})"
-        return f"{reason}, and no material at rest pulls away from its rest position", correlation
+    opposed = [item["loading_work"] for item in measures if _opposes_motion(item)]
+    if len(opposed) > sum(item["loading_work"] > 0 for item in measures):
+        reason = f"the {force} falls along the motion, so loading the material by the {position} takes negative work"
+        return f"{reason} ({min(opposed):+.2f} of its size)", min(opposed)
     return "", 0.0
+
+
+def _opposes_motion(item: dict[str, Any]) -> bool:
+    """Return whether the material is loaded by negative work, and the force cannot be that of an oscillating mass."""
+    is_mass = item["inverted_share"] <= item["passive_share"] + _SIGN_MARGIN
+    oscillates = item["loadings"] > _MAX_ONE_WAY_LOADINGS
+    return item["loading_work"] < _MAX_LOADING_WORK and not (oscillates and is_mass)
+
+
+def _loading_work(position: np.ndarray, force: np.ndarray) -> tuple[float, int]:
+    """Return the work over all loadings, relative to its size with noise, and the number of loadings.
+
+    The force counts from its value at the beginning of each loading. If the motion leads to another place, the work of the force
+    from its zero on must have the same sign, else the result is 0: relaxation while the position drifts loads nothing.
+    """
+    turns = np.unique([0, *reversals(position, _LOADING_SHARE)[0], len(position) - 1])
+    steps, middle, travels = np.diff(position), (force[1:] + force[:-1]) / 2, np.diff(position[turns])
+    works = np.add.reduceat(middle * steps, turns[:-1]) - force[turns[:-1]] * travels
+    size = np.abs(works).sum() + _MIN_SIGMAS * np.sqrt(np.mean(np.diff(force) ** 2) / 2 * (travels @ travels))
+    one_way = len(works) <= _MAX_ONE_WAY_LOADINGS or abs(travels.sum()) > _MIN_ONE_WAY_SHARE * np.ptp(
+        position
+    )
+    is_contradicted = one_way and works.sum() * (middle @ steps) < 0
+    return 0.0 if is_contradicted else float(works.sum() / max(size, 1e-300)), len(works)
 
 
 def _median(measures: list[dict[str, Any]], name: str) -> float:
@@ -136,6 +167,7 @@ def _measure(position: np.ndarray, force: np.ndarray) -> dict[str, Any]:
     edges = [spectral_edge(signal - signal.mean(), _BAND_POWER) for signal in signals]
     window = max(round(1 / (_SAMPLES_PER_CYCLE * max(edges))), 1)
     first, second = _smooth(position, window), _smooth(force, window)
+    loading_work, loadings = _loading_work(position, force)
     speed, rate = np.gradient(first), np.gradient(second)
     first, second = first - first.mean(), second - second.mean()
     passive, inverted = _passive_shares(second, first, speed)
@@ -146,6 +178,8 @@ def _measure(position: np.ndarray, force: np.ndarray) -> dict[str, Any]:
         "swapped_blocks": _block_energies(first * rate),
         "roughness": _detail(first, speed) / _detail(second, rate),
         "correlation": _correlation(first, second),
+        "loading_work": loading_work,
+        "loadings": loadings,
         "passive_share": passive,  # of the output that a spring, a damper and a mass explain
         "inverted_share": inverted,  # of the inverted output
         "jump": jump,  # largest step of the input as a share of its range

@@ -161,9 +161,9 @@ def _even_odd(residual, average, rows, columns, *edges) -> tuple[float | None, f
     return tuple(residual.share(float(weight[both] @ (part**2 - noise))) for part in (even, odd))
 
 
-def reversals(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the samples of reversals of the motion by more than a share of its range, and the direction (±1) after each."""
-    least = float(_MIN_TURN_SHARE * np.ptp(position))
+def reversals(position: np.ndarray, share: float = _MIN_TURN_SHARE) -> tuple[np.ndarray, np.ndarray]:
+    """Return the samples of reversals of the motion by more than a `share` of its range, and the direction (±1) after each."""
+    least = float(share * np.ptp(position))
     values = np.asarray(position, dtype=float).tolist()  # plain numbers: the loop takes half the time
     turns, directions = [], []
     direction, extreme = 0, 0
