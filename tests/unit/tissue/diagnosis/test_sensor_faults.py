@@ -12,6 +12,7 @@ from scipy.signal import lfilter
 
 import lumbar
 from case_tables import cases
+from lumbar.records.importing.clock import even_clock
 from sensor_records import clean_records, tissue_record
 
 
@@ -102,6 +103,16 @@ def test_rests_crests_and_flat_tops_are_not_stuck_samples():
     for position in (stairs, crest, np.clip(crest, -0.5, 0.5)):
         force = lfilter([0.1], [1, -0.9], position) + 0.01 * np.random.default_rng(1).standard_normal(4000)
         assert not {"held_samples", "dropped_samples"} & set(kinds(recorded(position, force)))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_values_repeated_by_rounding_and_resampling_are_not_stuck(seed):
+    random = np.random.default_rng(seed)
+    time = np.cumsum(random.integers(84, 93, 2600)) / 1000
+    position = 8 * np.abs((time / 20) % 1 - 0.5)
+    force = np.round(0.5 * position + 0.01 * random.standard_normal(2600), 4)
+    uneven = replace(recorded(position, force), time=time)
+    assert "held_samples" not in kinds(even_clock(uneven, None)[0])
 
 
 def test_missing_rows_are_interpolated_and_reported(tmp_path):

@@ -205,16 +205,16 @@ def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, str
     if abs(rounded / rate - 1) < 1e-3:
         rate = rounded
     time = record.time[0] + np.arange(int((record.time[-1] - record.time[0]) * rate * (1 + 1e-12)) + 1) / rate
-    # A cubic spline, within the range of the two samples around each new one.
+    # A cubic spline, but a straight line if it leaves the range of the two samples around a new one: a limit would repeat values.
     from scipy.interpolate import CubicSpline
 
     channels, after = {}, np.clip(np.searchsorted(record.time, time), 1, len(record) - 1)
     for role, channel in record.channels.items():
         around = channel.values[after - 1], channel.values[after]
-        spline = CubicSpline(record.time, channel.values)(time)
-        channels[role] = Channel(
-            np.clip(spline, np.minimum(*around), np.maximum(*around)), channel.quantity, channel.unit
-        )
+        values = CubicSpline(record.time, channel.values)(time)
+        line = np.interp(time, record.time, channel.values)
+        values = np.where((values - around[0]) * (values - around[1]) > 0, line, values)
+        channels[role] = Channel(values, channel.quantity, channel.unit)
     dropped = int(np.sum(np.maximum(np.round(steps / step) - 1, 0)))
     return replace(record, time=time, channels=channels), (
         f"the clock is uneven (steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms, {dropped} samples dropped): "

@@ -53,8 +53,8 @@ _MIN_VARIED_SHARE = 0.5
 _MIN_MOVING_SHARE = 0.5
 """Smallest share of moving samples next to a stuck run, in a channel with clearly stuck runs elsewhere."""
 _MIN_RUNS = 2
-_CHANCE_OFFSET, _CHANCE_FACTOR = 5, 4
-"""Smallest reported number of runs of two equal values: offset + factor × the number by chance."""
+_MAX_CHANCE, _UNCERTAIN_RUNS = 1e-4, 0.5
+"""Largest probability that rounding causes as many runs of two equal values; runs added to the expected ones in this test."""
 _MIN_LONG_SHARE = 0.2
 """Smallest share of runs of three equal values or more that cannot be chance."""
 _DIGITS = 2e-6
@@ -69,6 +69,8 @@ _MIN_JUMP_SHARE = 0.6
 """Smallest share of runs with a jump among the runs with a clear speed."""
 _MAX_ROUGHNESS = 0.7
 """Largest ratio of the changes of steps to the steps in a channel that moves smoothly."""
+_MIN_REPEATED_SHARE = 0.01
+"""Smallest share of repeated samples in a rough channel: rounding before a resampling repeats fewer."""
 # Lost rows
 _MAX_LOST = 3
 """Largest number of samples lost in one place; if a larger number fits better, the place may be a corner of the motion."""
@@ -169,10 +171,10 @@ def _stuck_runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
     if len(sure) < _MIN_RUNS or len(np.unique(values[sure])) < _MIN_VARIED_SHARE * len(sure):
         return None
     if np.sum(sure_lengths > 1) < max(_MIN_RUNS, _MIN_LONG_SHARE * len(sure)):
-        # Runs of two may be chance: equal neighbours are as dense as nearly equal ones.
+        # Runs of two may be chance: steps that are rounded to 0 are as dense as other small steps.
         near = max(_MAX_NEAR_DIFFERENCE * float(np.median(np.abs(steps[steps != 0]))), 2.5 * resolution)
-        expected = float(np.sum((steps != 0) & (np.abs(steps) < near)) * resolution / (2 * near))
-        if len(sure) < _CHANCE_OFFSET + _CHANCE_FACTOR * expected:
+        expected = np.sum((steps != 0) & (np.abs(steps) < near)) * resolution / (2 * near - resolution)
+        if scipy.special.pdtrc(len(sure) - 1, expected + _UNCERTAIN_RUNS) > _MAX_CHANCE:
             return None
     if not _jumps_after_runs(steps, sure, sure_lengths):
         return None
@@ -214,7 +216,8 @@ def _jumps_after_runs(steps: np.ndarray, starts: np.ndarray, lengths: np.ndarray
     if clear.sum() >= _MIN_RUNS:
         jumps = (jump[clear] > _JUMP_RATIOS[0]) & (jump[clear] < _JUMP_RATIOS[1])
         return bool(np.mean(jumps) >= _MIN_JUMP_SHARE)
-    return bool(np.median(np.abs(np.diff(steps))) > _MAX_ROUGHNESS * np.median(np.abs(steps[steps != 0])))
+    is_rough = np.median(np.abs(np.diff(steps))) > _MAX_ROUGHNESS * np.median(np.abs(steps[steps != 0]))
+    return bool(is_rough and lengths.sum() > _MIN_REPEATED_SHARE * len(steps))
 
 
 def find_dropped(record: Record) -> Repair | None:
