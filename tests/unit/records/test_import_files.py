@@ -143,14 +143,115 @@ def test_sheet_of_workbook_is_read(tmp_path):
     check(lumbar.import_recordings(tmp_path / "a.xlsx"))
     book.create_sheet("Notes").append(["nothing"])
     book.save(tmp_path / "a.xlsx")
+    check(lumbar.import_recordings(tmp_path / "a.xlsx"))
+    second = book.copy_worksheet(sheet)
+    book.save(tmp_path / "a.xlsx")
     message = refusal(lumbar.import_recordings, tmp_path / "a.xlsx")
-    assert has_tokens(message, "2 sheets … Trial, Notes … --sheet NAME")
+    assert has_tokens(message, f"2 sheets … Trial, {second.title} … --sheet NAME")
     check(lumbar.import_recordings(tmp_path / "a.xlsx", table="Trial"))
+
+
+def write_table(path, table) -> None:
+    """Write rows of cells as a sheet, or as CSV."""
+    if path.suffix == ".csv":
+        cells = (["" if cell is None else str(cell) for cell in row] for row in table)
+        path.write_text("".join(f"{','.join(row)}\n" for row in cells))
+        return
+    book = pytest.importorskip("openpyxl").Workbook()
+    for row in table:
+        book.active.append(row)
+    book.save(path)
+
+
+UNITS = [["Temps d'essai", "Force", "Allongement"], ["s", "N", "mm"]]
+TABLE = [[*map(float, row)] for row in zip(TIME, FORCE, POSITION, strict=True)]
+"""Rows of numbers."""
+LAYOUTS = {
+    "a sum under it": ([*UNITS, *TABLE, [], [], [None, 5.5]], "line 605"),
+    "a total in the row below": ([*UNITS, *TABLE, [None, 5.5, 3.1]], "line 603"),
+    "a cell to the right": ([*UNITS, [*TABLE[0], None, None, 5.5], *TABLE[1:]], "line 3, column 6 … '5.5'"),
+    "empty columns to the left": ([[None, None, *row] for row in (*UNITS, *TABLE)], ""),
+    "a column of notes": (
+        [[*UNITS[0], "Note"], UNITS[1], [*TABLE[0], "slip"], [*TABLE[1], 3], *TABLE[2:]],
+        "",
+    ),
+    "a comment between rows": (
+        [*UNITS, *TABLE[:300], ["probe cleaned"], *TABLE[300:]],
+        "line 303 … 'probe cleaned'",
+    ),
+    "merged cells above": (
+        [["Temps d'essai", "Sensor"], [None, "Force", "Allongement"], UNITS[1], *TABLE],
+        "",
+    ),
+}
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".xlsx"])
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_cells_outside_a_table_are_noted_and_no_row_is_lost(tmp_path, layout, suffix):
+    table, note = LAYOUTS[layout]
+    width = max(map(len, table))
+    write_table(tmp_path / f"a{suffix}", [[*row, *[None] * (width - len(row))] for row in table])
+    imported = lumbar.import_recordings(tmp_path / f"a{suffix}")
+    check(imported)
+    assert not note or any(has_tokens(item, note) for item in imported[0].notes), imported[0].notes
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".xlsx"])
+@pytest.mark.parametrize("spacer", [[], [None]])
+def test_tables_abreast_are_chosen_by_number(tmp_path, suffix, spacer):
+    short = [[*map(float, row)] for row in zip(TIME[:300], 2 * FORCE[:300], POSITION[:300], strict=True)]
+    right = [*UNITS, *short, *[[None] * 3] * 300]
+    write_table(tmp_path / f"a{suffix}", [a + spacer + b for a, b in zip(UNITS + TABLE, right, strict=True)])
+    message = refusal(lumbar.import_recordings, tmp_path / f"a{suffix}")
+    first = 4 + len(spacer)
+    assert has_tokens(message, f"2 tables … columns 1 to 3 … lines 3 to 302, columns {first} to {first + 2}")
+    prefix = "Sheet:" if suffix == ".xlsx" else ""
+    assert suffix == ".csv" or f"{prefix}1" in message
+    check(lumbar.import_recordings(tmp_path / f"a{suffix}", table=f"{prefix}1"))
+    [two] = lumbar.import_recordings(tmp_path / f"a{suffix}", table=f"{prefix}2")
+    np.testing.assert_allclose(two.record["output"], 2 * FORCE[:300], atol=1e-9)
+
+
+def test_rows_of_a_matrix_are_channels(tmp_path):
+    savemat(tmp_path / "a.mat", {"data": np.stack([TIME, POSITION, FORCE])})
+    assert has_tokens(refusal(lumbar.import_recordings, tmp_path / "a.mat"), "--position … 'data(2,:)'")
+    names = {"time": "data(1,:)", "position": "data(2,:)", "force": "data(3,:)"}
+    units = {"position_unit": "mm", "force_unit": "N", "time_unit": "s"}
+    check(lumbar.import_recordings(tmp_path / "a.mat", **names, **units))
+    savemat(tmp_path / "a.mat", {"data": np.ones((3, 5))})
+    assert has_tokens(refusal(lumbar.import_recordings, tmp_path / "a.mat"), "data 3 x 5")
+
+
+@pytest.mark.parametrize(
+    "head", ["Frequency [Hz],G' [Pa],G'' [Pa]", "ω in rad/s,Storage modulus,Loss modulus"]
+)
+def test_tables_over_frequency_are_rejected(tmp_path, head):
+    (tmp_path / "a.csv").write_text(f"{head}\n" + rows(","))
+    message = refusal(lumbar.import_recordings, tmp_path / "a.csv")
+    assert has_tokens(message, "column 1 … column 2 … --time, --position … --force")
+    units = {"time_unit": "s", "position_unit": "mm", "force_unit": "N"}
+    check_names = {"time": 1, "position": 2, "force": 3}
+    assert len(lumbar.import_recordings(tmp_path / "a.csv", **check_names, **units)[0].record) == 600
+
+
+def test_clock_of_an_arduino_is_in_milliseconds(tmp_path):
+    (tmp_path / "a.csv").write_text("millis,z mm,F N\n" + rows(",", columns=(1e3 * TIME, POSITION, FORCE)))
+    [one] = lumbar.import_recordings(tmp_path / "a.csv")
+    assert 1 / one.record.sampling_time == pytest.approx(RATE)
 
 
 @pytest.mark.parametrize(
     ("name", "first", "message"),
-    [("a.xls", b"\xd0\xcf\x11\xe0", r"a\.xls.*\.xlsx"), ("a.c3d", b"\x02P", r"a\.c3d.*markers")],
+    [
+        (
+            "a.ods",
+            b"PK\x03\x04" + bytes(26) + b"mimetypeapplication/vnd.oasis.opendocument",
+            r"a\.ods.*\.xlsx",
+        ),
+        ("a.xls", b"\xd0\xcf\x11\xe0", r"a\.xls.*\.xlsx"),
+        ("a.c3d", b"\x02P", r"a\.c3d.*markers"),
+    ],
 )
 def test_old_workbooks_and_marker_files_are_rejected(tmp_path, name, first, message):
     (tmp_path / name).write_bytes(first + bytes(600))

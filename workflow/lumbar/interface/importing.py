@@ -311,8 +311,8 @@ class ImportedRecordings(Sequence[ImportedRecording]):
                 for role in record.channels
             )
             lines.append(
-                f"  {len(record)} of {recording.samples_read} samples at {1 / record.sampling_time:.6g} Hz, "
-                f"{record.time[0]:.6g} to {record.time[-1]:.6g} s, none missing; {', '.join(ranges)}; "
+                f"  {len(record)} samples from {recording.samples_read} rows at {1 / record.sampling_time:.6g} Hz, "
+                f"{record.time[0]:.6g} to {record.time[-1]:.6g} s; {', '.join(ranges)}; "
                 f"largest speed {recording.speed:.4g} {recording.unit}/s"
             )
             lines += [f"  note: {note}" for note in recording.notes]

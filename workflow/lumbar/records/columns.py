@@ -145,9 +145,10 @@ def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray],
         rows = itertools.chain([first], rows)
     if path.stat().st_size >= _MIN_PLAIN_BYTES:
         begins = first.line + (header is not None)
-        lines = itertools.islice(stream_lines(path), begins - 1, None)
+        lines = [line.rstrip("\r\n") for line in itertools.islice(stream_lines(path), begins - 1, None)]
         plain = read_plain_numbers(lines, dialect, len(first.cells), begins)
-        if plain is not None and max(positions.values()) < len(first.cells):
+        is_whole = plain is not None and bool(np.isfinite(plain.values).all())
+        if is_whole and max(positions.values()) < len(first.cells):
             values = {role: plain.values[:, position].copy() for role, position in positions.items()}
             return values, plain.lines
     table = read_numbers(rows, positions, str(path), dialect, width, may_be_empty=[TIME])

@@ -1,4 +1,8 @@
-"""Even clock of a record, from exact or rounded time stamps, a stated rate or by resampling; integration of a velocity."""
+"""Even clock of a record, from exact or rounded time stamps, a stated rate or by resampling; integration of a velocity.
+
+Recordings are split at gaps, in which the motion is unknown. Steps that grow smoothly, as in relaxation tests with logarithmic
+times, and changes of the rate are no gaps.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,7 +15,13 @@ from lumbar.records.importing.raw_table import StatedRate
 from lumbar.records.record import CLOCK_TOLERANCE, MIN_SAMPLES, Channel, Record, place_of
 
 MAX_STEP = 3.0
-"""Longest step of an uneven clock, in median steps, that is interpolated."""
+"""Longest step of a clock that is interpolated, in usual steps before it or after it."""
+_USUAL_STEPS = 4
+"""Number of steps before and after a step whose median is usual there."""
+_MOVING_SHARE = 0.01
+"""Smallest share of the range by which a position moves between two samples in motion."""
+_MAX_RESAMPLED = 6000
+"""Largest number of samples of a record that is resampled from several rates, unless it has more."""
 _MIN_ODD_STEPS = 10
 """Smallest number of odd steps of a coarse clock with rounded stamps; fewer odd steps are dropped samples."""
 _NEGLIGIBLE_DIGIT = 0.01
@@ -54,8 +64,8 @@ def stated_time(
     values = [item.value for item in stated]
     if not values:
         raise InputError(
-            f"{source}: no column of time and no rate is stated; give --time COLUMN or --rate HZ (points of a static test "
-            "have neither: lumbar diagnose reads their plain table position_mm,force_N)"
+            f"{source}: no column of time and no rate is stated; give --time COLUMN with its --time-unit, or --rate HZ (points "
+            "of a static test have neither: lumbar diagnose reads their plain table position_mm,force_N)"
         )
     if max(values) > (1 + 1e-6) * min(values):
         listed = ", ".join(f"{item.value:g} Hz ({item.place})" for item in stated)
@@ -81,8 +91,8 @@ def contradictions(record: Record, stated: Sequence[StatedRate]) -> list[str]:
     ]
 
 
-def check_forward(time: np.ndarray, lines: Sequence[int] | None, source: str) -> None:
-    """Raise if time stamps are missing, repeated or backward.
+def check_repeated(time: np.ndarray, lines: Sequence[int] | None, source: str) -> None:
+    """Raise if time stamps are repeated.
 
     Parameters
     ----------
@@ -96,25 +106,49 @@ def check_forward(time: np.ndarray, lines: Sequence[int] | None, source: str) ->
     Raises
     ------
     InputError
-        If a time stamp is wrong, with the lines of all wrong time stamps.
+        If time stamps are repeated, with their lines.
     """
-    problems = Problems(source)
+    repeated = np.flatnonzero(np.diff(time) == 0) + 1
+    if repeated.size:
+        problems = Problems(source)
+        places = ", ".join(place_of(int(sample), lines) for sample in repeated[:_MAX_LISTED])
+        more = f" and {repeated.size - _MAX_LISTED} more" if repeated.size > _MAX_LISTED else ""
+        remedy = (
+            "drop the duplicate rows; replace stamps too coarse for an even clock by --time none --rate HZ"
+        )
+        problems.add(f"{places}{more}", f"{repeated.size} time stamps repeated", remedy)
+        problems.raise_if_any()
+
+
+def split_at_gaps(time: np.ndarray) -> list[slice]:
+    """Return the intervals of samples between gaps and backward time stamps.
+
+    A gap is a step longer than `MAX_STEP` usual steps before it and after it.
+
+    Parameters
+    ----------
+    time : ndarray, shape (samples,)
+        Seconds.
+
+    Examples
+    --------
+    >>> split_at_gaps(np.r_[0:20, 30:50])
+    [slice(0, 20, None), slice(20, 40, None)]
+    >>> split_at_gaps(np.geomspace(0.1, 1000, 50))
+    [slice(0, 50, None)]
+    """
     steps = np.diff(time)
-    repeated = "drop the duplicate rows; replace stamps too coarse for an even clock by --time none --rate HZ"
-    for fault, samples, remedy in (
-        ("without a number", np.flatnonzero(~np.isfinite(time)), "fix or remove these rows"),
-        ("repeated", np.flatnonzero(steps == 0) + 1, repeated),
-        (
-            "backward",
-            np.flatnonzero(steps < 0) + 1,
-            "split the recording there, or select a part with --trim",
-        ),
-    ):
-        if samples.size:
-            places = ", ".join(place_of(int(sample), lines) for sample in samples[:_MAX_LISTED])
-            more = f" and {samples.size - _MAX_LISTED} more" if samples.size > _MAX_LISTED else ""
-            problems.add(f"{places}{more}", f"{samples.size} time stamps {fault}", remedy)
-    problems.raise_if_any()
+    size = np.abs(steps)
+    shorter = np.minimum(np.r_[np.inf, size[:-1]], np.r_[size[1:], np.inf])
+    long = np.flatnonzero(steps > MAX_STEP * shorter)[:, None]
+    distance = np.arange(1, _USUAL_STEPS + 1)
+    before = np.median(size[np.maximum(long - distance, 0)], axis=1)
+    after = np.median(size[np.minimum(long + distance, len(size) - 1)], axis=1)
+    long = long[:, 0]
+    before[long == 0], after[long == len(size) - 1] = 0, 0
+    gaps = long[size[long] > MAX_STEP * np.maximum(before, after)]
+    edges = [0, *np.union1d(gaps, np.flatnonzero(steps < 0)) + 1, len(time)]
+    return [slice(int(first), int(stop)) for first, stop in pairwise(edges)]
 
 
 def recover_even_clock(time: np.ndarray) -> tuple[np.ndarray, str]:
@@ -160,18 +194,17 @@ def recover_even_clock(time: np.ndarray) -> tuple[np.ndarray, str]:
     )
 
 
-def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, str]:
+def even_clock(record: Record) -> tuple[Record, str]:
     """Return the record on an even clock.
 
-    A clock within `CLOCK_TOLERANCE` of an even clock is kept. Otherwise a cubic spline is evaluated at the median rate. It is
-    limited to the values of the two neighbouring samples: it would overshoot at a clipped sensor or an impact.
+    A clock within `CLOCK_TOLERANCE` of an even clock is kept. Otherwise a spline is evaluated at the median rate; if the rate
+    changes, at the median rate of the motion. The spline is limited to the values of the two neighbouring samples: it would
+    overshoot at a clipped sensor or an impact.
 
     Parameters
     ----------
     record : Record
-        Record with an increasing clock.
-    lines : sequence of int, or None
-        Line of each sample in the file.
+        Record with an increasing clock without gaps.
 
     Returns
     -------
@@ -179,26 +212,21 @@ def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, str
         `record` itself if its clock is even.
     str
         Note on the change; empty if nothing changed.
-
-    Raises
-    ------
-    InputError
-        If a step is longer than `MAX_STEP` median steps: the motion in between is unknown.
     """
     steps = np.diff(record.time)
     step = float(np.median(steps))
     even = record.time[0] + record.sampling_time * np.arange(len(record))
     if np.all(np.abs(record.time - even) <= CLOCK_TOLERANCE * step):
         return record, ""
-    gaps = np.flatnonzero(steps > MAX_STEP * step)
-    problems = Problems(record.source)
-    for gap in gaps[:_MAX_LISTED]:
-        problem = f"{steps[gap]:.4g} s without samples, {steps[gap] / step:.4g} median steps"
-        problems.add(place_of(int(gap) + 1, lines), problem)
-    if gaps.size:
-        hint = trim_hint(record.time, [0, *(gaps + 1), len(record)], step)
-        problems.add("", f"{gaps.size} gaps are longer than {MAX_STEP:g} median steps", hint)
-    problems.raise_if_any()
+    usual = (record.time[_USUAL_STEPS:] - record.time[:-_USUAL_STEPS]) / _USUAL_STEPS
+    changes = max(usual.max(), step) > MAX_STEP * min(usual.min(), step)
+    if changes:
+        position = record.stacked("input")
+        moves = np.abs(np.diff(position)) > _MOVING_SHARE * np.ptp(position, axis=1, keepdims=True)
+        moving = steps[moves.any(axis=0)]
+        finest = float(np.median(moving)) if moving.size else float(usual.min())
+        most = max(_MAX_RESAMPLED, len(record))
+        step = max(finest, (record.time[-1] - record.time[0]) / most)
     # A rate that differs from three digits by the rounding of its time stamps only is rounded.
     rate = 1 / step
     rounded = float(f"{rate:.3g}")
@@ -206,36 +234,29 @@ def even_clock(record: Record, lines: Sequence[int] | None) -> tuple[Record, str
         rate = rounded
     time = record.time[0] + np.arange(int((record.time[-1] - record.time[0]) * rate * (1 + 1e-12)) + 1) / rate
     # A cubic spline, but a straight line if it leaves the range of the two samples around a new one: a limit would repeat values.
-    from scipy.interpolate import CubicSpline
+    # Where steps change, only a monotone spline does not swing.
+    from scipy.interpolate import CubicSpline, PchipInterpolator
 
     channels, after = {}, np.clip(np.searchsorted(record.time, time), 1, len(record) - 1)
     for role, channel in record.channels.items():
         around = channel.values[after - 1], channel.values[after]
-        values = CubicSpline(record.time, channel.values)(time)
+        values = (PchipInterpolator if changes else CubicSpline)(record.time, channel.values)(time)
         line = np.interp(time, record.time, channel.values)
         values = np.where((values - around[0]) * (values - around[1]) > 0, line, values)
         channels[role] = Channel(values, channel.quantity, channel.unit)
-    dropped = int(np.sum(np.maximum(np.round(steps / step) - 1, 0)))
+    if changes:
+        spread = f"steps of {steps.min():.4g} to {steps.max():.4g} s"
+        cause = f"the rate changes ({spread}): {len(record)} samples are"
+        reason = f"at most {most} samples" if step > finest else "the median rate in motion"
+        clock = f"{rate:g} Hz, {reason},"
+    else:
+        dropped = int(np.sum(np.maximum(np.round(steps / step) - 1, 0)))
+        spread = f"steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms"
+        cause = f"the clock is uneven ({spread}, {dropped} samples dropped):"
+        clock = f"its median rate, {rate:g} Hz,"
     return replace(record, time=time, channels=channels), (
-        f"the clock is uneven (steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms, {dropped} samples dropped): "
-        f"resampled to its median rate, {rate:g} Hz, by a cubic spline that stays between neighbouring samples"
+        f"{cause} resampled to {clock} by a cubic spline that stays between neighbouring samples"
     )
-
-
-def trim_hint(time: np.ndarray, edges: Sequence[int], step: float) -> str:
-    """Return advice to read only the longest part without a gap, with the command-line option.
-
-    Parameters
-    ----------
-    time : ndarray, shape (samples,)
-        Seconds.
-    edges : sequence of int
-        First sample of each part, then the stop of the last part.
-    step : float
-        Sampling interval in seconds.
-    """
-    first, stop = max(pairwise(edges), key=lambda part: part[1] - part[0])
-    return f"the longest part without one is --trim {time[first]:.9g}:{time[stop - 1] + step / 2:.9g}"
 
 
 def integrate_velocity(
@@ -267,11 +288,8 @@ def integrate_velocity(
     """
     from scipy.integrate import cumulative_trapezoid
 
-    steps = np.diff(time)
     first, last = samples[0], samples[-1]
-    longest = MAX_STEP * np.median(steps[first:last])
-    is_gap = ~((steps >= 0) & (steps <= longest) & np.isfinite(velocity[1:] + velocity[:-1]))
-    start = int(max(np.flatnonzero(is_gap[:first]) + 1, default=0))
+    start = max(part.start for part in split_at_gaps(time) if part.start <= first)
     part = slice(start, last + 1)
     position = cumulative_trapezoid(velocity[part], recover_even_clock(time[part])[0], initial=0)
     drift = 0.01 * float(np.sqrt(np.mean(velocity[part] ** 2)) * (time[last] - time[first]))

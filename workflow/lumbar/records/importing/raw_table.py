@@ -6,7 +6,7 @@ Units are read in the spellings of machines and users, and converted to s, mm, N
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from itertools import product
 from pathlib import Path
 
@@ -81,6 +81,23 @@ class RawTable:
     rates: tuple[StatedRate, ...] = ()
     text_columns: tuple[RawColumn, ...] = ()
     """Columns of text, which may name trials."""
+    notes: tuple[str, ...] = ()
+    """Rows and cells of the file that are not in the table."""
+
+    def with_rows(self, rows: np.ndarray) -> "RawTable":
+        """Return the table with some of its rows.
+
+        Parameters
+        ----------
+        rows : ndarray of int
+            Indices of the rows.
+        """
+        columns, text_columns = (
+            tuple(replace(column, values=column.values[rows]) for column in group)
+            for group in (self.columns, self.text_columns)
+        )
+        lines = None if self.lines is None else np.asarray(self.lines)[rows]
+        return replace(self, columns=columns, text_columns=text_columns, lines=lines)
 
     def describe(self) -> str:
         """Return the end of a message: the form, and columns with first values and ranges, one per line."""
@@ -224,12 +241,13 @@ def split_name_and_unit(cell: str) -> tuple[str, str]:
 
     Examples
     --------
-    >>> [split_name_and_unit(cell) for cell in ("Kraft [kN]", "disp_in", "Weg in mm", "forceN")]
-    [('Kraft', 'kN'), ('disp', 'in'), ('Weg', 'mm'), ('force', 'N')]
+    >>> [split_name_and_unit(cell) for cell in ("Kraft [kN]", "disp_in", "Weg in mm", "forceN", "millis")]
+    [('Kraft', 'kN'), ('disp', 'in'), ('Weg', 'mm'), ('force', 'N'), ('millis', 'millis')]
     """
     cell = cell.strip()
     for pattern in _HEADER_UNIT_PATTERNS:
         match = pattern.match(cell)
         if match and match["name"] and find_unit(match["unit"]):
             return match["name"].strip(), match["unit"]
-    return cell, ""
+    unit = find_unit(cell)  # a column of time may be named by its unit: "seconds", Arduino's "millis"
+    return cell, cell if unit is not None and unit.quantity == "time" and len(cell) > 3 else ""

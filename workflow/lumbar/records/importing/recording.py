@@ -12,13 +12,13 @@ import numpy as np
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import sanitize_name
 from lumbar.records.importing.clock import (
-    check_forward,
+    check_repeated,
     contradictions,
     even_clock,
     integrate_velocity,
     recover_even_clock,
+    split_at_gaps,
     stated_time,
-    trim_hint,
 )
 from lumbar.records.importing.raw_table import SPEEDS, RawTable
 from lumbar.records.importing.roles import (
@@ -27,13 +27,15 @@ from lumbar.records.importing.roles import (
     Role,
     is_velocity_name,
     name_match_score,
+    refuse_spectrum,
     select_column,
 )
 from lumbar.records.importing.vector_roles import find_roles_of_axes
 from lumbar.records.record import LARGEST, MIN_SAMPLES, Channel, Record, check_record, place_of
-from lumbar.records.sampling import check_clipping, runs, samples_between
+from lumbar.records.sampling import check_clipping, samples_between
 
 _MAX_PARTS = 200
+_MAX_LISTED = 5
 _NAME_SIGNS = "_.-"
 """Signs allowed in a record's name, in addition to letters and digits."""
 _QUANTITIES = {"length": "position", "angle": "angle", "force": "force", "torque": "torque"}
@@ -236,6 +238,8 @@ def to_records(
         If a column, a unit, the rate or a part is unclear; with all parts that have repeated or backward time stamps or
         missing samples, or that cannot be analysed.
     """
+    if choices.position is None or choices.force is None:
+        refuse_spectrum(table)
     roles = find_roles_of_axes(table, choices.requests, choices.rate)
     clock = roles.get("time")
     if clock is not None and choices.rate is not None:
@@ -250,36 +254,109 @@ def to_records(
         time, origin = clock.column.values * clock.unit.factor, ""
     grounds = {"time": origin} | {role: f"{item.column.label}, {item.reason}" for role, item in roles.items()}
     sources = {role: (item.column.label, item.unit.name) for role, item in roles.items()}
+    rows = len(time)
+    table, time, roles, incomplete = _drop_incomplete_rows(table, time, roles)
     parts = _split_parts(table, time, choices, name)
     problems, recordings = Problems(table.source), []
     for part in parts:
         try:
-            record, notes = _to_record(table, choices, roles, time, part)
+            records = _to_records(table, choices, roles, time, part)
         except InputError as error:
             if len(parts) == 1 and not choices.cut:
                 raise
-            text = str(error).removeprefix(f"{table.source}: ").replace("--trim ", f"--cut {part.name}=")
+            text = str(error).removeprefix(f"{table.source}: ")
             problems.add(part.name, text.replace("\n", "\n    "))
         else:
-            recordings.append(
+            recordings += [
                 ImportedRecording(
-                    record, table.form, grounds, notes, len(time), sha256, choices.clipped, sources
+                    record,
+                    table.form,
+                    grounds,
+                    tuple(filter(None, [*table.notes, incomplete, *notes])),
+                    rows,
+                    sha256,
+                    choices.clipped,
+                    sources,
                 )
-            )
+                for record, notes in records
+            ]
     problems.raise_if_any()
     return tuple(recordings)
 
 
-def _to_record(
+def _drop_incomplete_rows(
+    table: RawTable, time: np.ndarray, roles: dict[str, Role]
+) -> tuple[RawTable, np.ndarray, dict[str, Role], str]:
+    """Return table, time and roles without the rows in which a value is missing, and a note on them."""
+    every = {"time": time} | {role: item.column.values for role, item in roles.items()}
+    absent = {role: ~np.isfinite(values) for role, values in every.items()}
+    missing = np.any([*absent.values()], axis=0)
+    if not missing.any():
+        return table, time, roles, ""
+    names = [f"{role} in {flags.sum()}" for role, flags in absent.items() if flags.any()]
+    described = f"{missing.sum()} of {len(time)} rows, with a missing number ({', '.join(names)}),"
+    kept = np.flatnonzero(~missing)
+    if len(kept) < MIN_SAMPLES:
+        raise InputError(f"{table.source}: {described} leave {len(kept)}; at least {MIN_SAMPLES} are needed")
+    shown = np.flatnonzero(missing)[:_MAX_LISTED]
+    places = ", ".join(place_of(int(row), table.lines) for row in shown)
+    more = ", …" if missing.sum() > _MAX_LISTED else ""
+    table = table.with_rows(kept)
+    columns = {column.number: column for column in table.columns}
+    roles = {role: replace(item, column=columns[item.column.number]) for role, item in roles.items()}
+    return table, time[kept], roles, f"{described} are left out: {places}{more}"
+
+
+def _to_records(
     table: RawTable, choices: Choices, roles: dict[str, Role], time: np.ndarray, part: TablePart
-) -> tuple[Record, tuple[str, ...]]:
-    """Return the record of a part, and notes on its changes."""
-    samples, notes = part.samples, [part.reason]
-    lines = None if table.lines is None else np.asarray(table.lines)[samples].tolist()
+) -> list[tuple[Record, list[str]]]:
+    """Return the records between the gaps of a part, each with notes on its changes."""
+    clock, note = recover_even_clock(time[part.samples])
+    lines = None if table.lines is None else np.asarray(table.lines)[part.samples]
+    check_repeated(clock, lines, table.source)
+    intervals = split_at_gaps(clock)
+    if len(intervals) == 1:
+        return [_to_record(table, choices, roles, time, part, (clock, note))]
+    long = [interval for interval in intervals if interval.stop - interval.start >= MIN_SAMPLES]
+    first = intervals[1].start
+    gap = f"{clock[first] - clock[first - 1]:.4g} s after the sample before it at {place_of(first, lines)}"
+    if not 0 < len(long) <= _MAX_PARTS:
+        raise InputError(
+            f"{table.source}: {len(intervals) - 1} gaps, the first of {gap}, leave {len(long)} parts of at least "
+            f"{MIN_SAMPLES} samples; 1 to {_MAX_PARTS} become records: if the rows are sampled evenly, give --time {NONE} "
+            "--rate HZ"
+        )
+    short = len(clock) - sum(interval.stop - interval.start for interval in long)
+    reason = f"split at {len(intervals) - 1} gaps or restarts of the clock, the first {gap}"
+    reason += f"; {short} samples in parts of fewer than {MIN_SAMPLES} are left out" if short else ""
+    records, faults = [], []
+    for number, interval in enumerate(long, start=1):
+        name = f"{part.name}_{number}" if len(long) > 1 else part.name
+        piece = TablePart(name, part.samples[interval], part.reason)
+        try:
+            even = recover_even_clock(time[piece.samples])
+            record, notes = _to_record(table, choices, roles, time, piece, even)
+            records.append((record, [reason, *notes]))
+        except InputError as error:
+            faults.append(f"{name} is left out: {str(error).removeprefix(f'{table.source}: ')}")
+    if not records:
+        raise InputError(f"{table.source}: {faults[0]}")
+    return [(record, [*notes, *faults]) for record, notes in records]
+
+
+def _to_record(
+    table: RawTable,
+    choices: Choices,
+    roles: dict[str, Role],
+    time: np.ndarray,
+    part: TablePart,
+    even: tuple[np.ndarray, str],
+) -> tuple[Record, list[str]]:
+    """Return the record of a part without gaps, whose clock and note are `even`, and notes on its changes."""
+    samples, (clock, note) = part.samples, even
+    notes = [part.reason, note]
+    lines = None if table.lines is None else np.asarray(table.lines)[samples]
     # The part as in the file, on its clock and in the units of records.
-    clock, note = recover_even_clock(time[samples])
-    notes.append(note)
-    check_forward(clock, lines, table.source)
     names = {role.replace("position", "input").replace("force", "output"): role for role in roles}
     channels = {
         name: _make_channel(role, roles[role], samples, choices.flip_force)
@@ -289,7 +366,7 @@ def _to_record(
     record = Record(part.name, clock, channels, table.source)
     if choices.flip_force:
         notes.append("the sign of the force is changed, as given by --flip-force")
-    _check_complete(record, names, lines)
+    _check_size(record, names, lines)
     if not choices.clipped:
         check_clipping(record, lines)  # before resampling, after which no two samples are equal
     motion = roles.get("position")
@@ -306,9 +383,9 @@ def _to_record(
             "integrate it"
         )
     notes += contradictions(record, table.rates)
-    record, note = even_clock(record, lines)
+    record, note = even_clock(record)
     check_record(record, lines=None if note else lines)
-    return record, tuple(filter(None, [*notes, note]))
+    return record, [*notes, note]
 
 
 def _make_channel(name: str, role: Role, samples: np.ndarray, flip_force: bool) -> Channel:
@@ -323,23 +400,12 @@ def _make_channel(name: str, role: Role, samples: np.ndarray, flip_force: bool) 
     return Channel(-values if flip_force and side == "force" else values, quantity, role.unit.target)
 
 
-def _check_complete(record: Record, roles: Mapping[str, str], lines: Sequence[int] | None) -> None:
-    """Raise if samples are missing or too large; `roles` are the columns' roles by channel."""
+def _check_size(record: Record, roles: Mapping[str, str], lines: Sequence[int] | None) -> None:
+    """Raise if values are too large; `roles` are the columns' roles by channel."""
     problems = Problems(record.source)
-    missing = np.zeros(len(record), dtype=bool)
     for name, channel in record.channels.items():
-        absent = ~np.isfinite(channel.values)
-        if absent.any():
-            problem = f"{roles[name]} is missing in {absent.sum()} samples, {absent.mean():.3g} of all"
-            problems.add(place_of(int(absent.argmax()), lines), problem)
-        missing |= absent
         large = np.abs(channel.values) > LARGEST  # no sum, spline or filter of them is finite
         if large.any():
             problem = f"{roles[name]} is {channel.values[large.argmax()]:g}"
             problems.add(place_of(int(large.argmax()), lines), problem, f"at most {LARGEST:g} is allowed")
-    complete = max(runs(~missing), key=lambda run: run.stop - run.start, default=None)
-    if missing.any() and complete is not None:
-        step = float(np.median(np.diff(record.time)))
-        hint = trim_hint(record.time, [complete.start, complete.stop], step)
-        problems.add("", "a record has no gaps", hint)
     problems.raise_if_any()

@@ -44,7 +44,8 @@ def split_columns(option: str | None) -> list[str]:
     option : str or None
         Text that the user gave for a role.
     """
-    return [part.strip() for part in option.split(",")] if option and "," in option else []
+    parts = re.split(r",(?![^(]*\))", option or "")  # no comma of a channel such as data(2,:)
+    return [part.strip() for part in parts] if len(parts) > 1 else []
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,8 @@ class Role:
 
 
 def _normalize(text: str) -> str:
-    """Return a text in lower case without accents."""
+    """Return a text in lower case without accents; of channels of a matrix, ``data(2,:)`` is ``data(:,2)``."""
+    text = re.sub(r"\((\d+),:\)$", r"(:,\1)", text)
     text = text.casefold().replace("ü", "ue").replace("ä", "ae").replace("ö", "oe")
     return "".join(sign for sign in unicodedata.normalize("NFKD", text) if not unicodedata.combining(sign))
 
@@ -253,6 +255,37 @@ def _free_columns(
         for column in table.columns
         if column.number not in used and not others & {column.name, str(column.number)}
     ]
+
+
+def refuse_spectrum(table: RawTable) -> None:
+    """Raise if the table is over frequency: a frequency with storage or loss moduli.
+
+    Parameters
+    ----------
+    table : RawTable
+        Table of the file.
+
+    Raises
+    ------
+    InputError
+        If it is, with both columns.
+    """
+
+    def find(kind: str) -> RawColumn | None:
+        words = set(ROLE_WORDS[kind].split())
+        signs = str.maketrans({"′": "'", "″": "''", "’": "'", "`": "'"})
+        for column in table.columns:
+            name = _normalize(column.name.translate(signs))
+            if words & {*split_words(name), *re.findall(r"[\w'*]+", name)}:
+                return column
+        return None
+
+    frequency, modulus = find("frequency"), find("spectrum")
+    if frequency is not None and modulus is not None:
+        raise InputError(
+            f"{table.source}: {frequency.label} and {modulus.label} are a spectrum, not a recording over time; import a "
+            "recording of the test, or name its columns by --time, --position and --force"
+        )
 
 
 def ambiguity_error(table: RawTable, problems: Iterable[str]) -> InputError:

@@ -8,6 +8,7 @@ import hashlib
 import io
 import re
 import zipfile
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -17,12 +18,14 @@ from lumbar.base.errors import InputError
 from lumbar.base.files import MAX_FILE_BYTES
 from lumbar.records.child_process import read_in_child
 from lumbar.records.importing.dialect import (
-    CLOCK,
+    COMMENT_MARKS,
+    MAX_HEADER_LINES,
     MIN_ROWS,
     MISSING,
+    Block,
     TableDialect,
     find_blocks,
-    find_dialect,
+    find_dialects,
 )
 from lumbar.records.importing.raw_table import (
     RawColumn,
@@ -34,6 +37,8 @@ from lumbar.records.importing.raw_table import (
 from lumbar.records.importing.roles import Choices
 from lumbar.records.importing.variables import read_variables
 from lumbar.records.number_table import (
+    Dialect,
+    NumberTable,
     decode_lines,
     read_numbers,
     read_plain_numbers,
@@ -43,18 +48,20 @@ from lumbar.records.unpacking import check_size, ending_of, report_broken, unpac
 
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 _OLD_EXCEL = b"\xd0\xcf\x11\xe0"
+_OPEN_DOCUMENT = b"mimetypeapplication/vnd.oasis.opendocument"
+"""Bytes after the first 30 of a file of LibreOffice."""
 _GZIP = b"\x1f\x8b"
 
 MAX_CELLS = MAX_FILE_BYTES // 8
 """Largest number of cells of a workbook, with the empty cells before the last used cell."""
 _MAX_LABEL_CHARACTERS = 1000
 """Number of first characters of a line that are searched for a rate."""
-_MAX_HEADER_LINES = 4
-"""Number of lines above a table that may contain names and units."""
 _DAY_S = 86400.0
 _MAX_LABELS = 1000
 """Largest number of distinct texts of a text column."""
-_COMMENT = re.compile(r"^\s*[#%!;]+\s*")
+_COMMENT = re.compile(rf"^\s*[{''.join(COMMENT_MARKS)}]+\s*")
+_MAX_LISTED = 3
+"""Largest number of lines or cells that a note lists."""
 
 
 def read_content(stored: bytes, path: Path, choices: Choices) -> tuple[RawTable, str]:
@@ -90,6 +97,8 @@ def read_content(stored: bytes, path: Path, choices: Choices) -> tuple[RawTable,
         table = read_variables(content, source, "HDF5", choices)
     elif content.startswith(b"MATLAB 5.0 MAT-file") or ending == ".mat":
         table = read_variables(content, source, "MATLAB", choices)
+    elif content[30:].startswith(_OPEN_DOCUMENT):
+        raise InputError(f"{path}: an OpenDocument file; save it as .xlsx or .csv")
     elif content.startswith(b"PK\x03\x04"):
         _require_package("openpyxl", "an Excel workbook", path)
         table = _read_workbook(content, source, choices)
@@ -109,23 +118,31 @@ def _require_package(package: str, kind: str, path: Path) -> None:
 
 
 def _read_workbook(content: bytes, source: str, choices: Choices) -> RawTable:
-    """Read one sheet; raise if several sheets have content and none is chosen."""
+    """Read one sheet; raise if several sheets have a table and none is chosen.
+
+    ``choices.table`` is the title of a sheet, the number of a table in the only sheet, or both: ``"Trial:2"``.
+    """
     sheets: dict[str, list[str]] = read_in_child(_read_sheets, source, content)
     filled = {title: lines for title, lines in sheets.items() if any(line.strip() for line in lines)}
     if not filled:
         raise InputError(f"{source}: the sheets are empty")
-    if choices.table is None and len(filled) != 1:
+    tables = [title for title, lines in filled.items() if find_dialects(lines, is_sheet=True)]
+    choice = choices.table
+    title, number = choice, None
+    if choice not in filled and choice is not None:  # no title contains a colon
+        title, _, number = choice.rpartition(":")
+    if not title and len(tables) > 1:
         raise InputError(
-            f"{source}: {len(filled)} sheets hold something: {', '.join(filled)}; choose by --sheet NAME"
+            f"{source}: {len(tables)} sheets have tables: {', '.join(tables)}; choose by --sheet NAME"
         )
-    title = choices.table if choices.table is not None else next(iter(filled))
+    title = title or (tables or [*filled])[0]
     if title not in filled:
         raise InputError(f"{source}: no sheet {title!r}; there are {', '.join(filled)}")
-    return _read_lines(filled[title], source, f"sheet {title!r}")
+    return _read_lines(filled[title], source, f"sheet {title!r}", number, title)
 
 
 def _read_sheets(source: str, content: bytes) -> dict[str, list[str]]:
-    """Return the lines of every sheet by its title; tabs separate the cells."""
+    """Return the lines of every sheet by its title; tabs separate the cells, and all lines have the same number of them."""
     import openpyxl
 
     sheets: dict[str, list[str]] = {}
@@ -134,82 +151,139 @@ def _read_sheets(source: str, content: bytes) -> dict[str, list[str]]:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             check_size(sum(item.file_size for item in archive.infolist()), len(content), source)
         for sheet in openpyxl.load_workbook(io.BytesIO(content), read_only=True, data_only=True):
-            lines = sheets[sheet.title] = []
+            lines: list[str] = []
+            width = 0
             for row in sheet.iter_rows(values_only=True):
                 left -= max(len(row), 1)
                 if left < 0:
                     raise InputError(f"{source}: more than {MAX_CELLS} cells; save the recording by itself")
-                lines.append("\t".join("" if cell is None else str(cell).replace("\t", " ") for cell in row))
+                # No cell contains a tab, a line break or a quote.
+                cells = [
+                    "" if cell is None else " ".join(str(cell).split()).replace('"', "''") for cell in row
+                ]
+                lines.append("\t".join(cells))
+                width = max(width, len(cells))
+            sheets[sheet.title] = [line + "\t" * (width - 1 - line.count("\t")) for line in lines]
     return sheets
 
 
-def _read_lines(lines: list[str], source: str, encoding: str, table: str | None = None) -> RawTable:
-    """Return the table in lines of text; `table` is its number (from 1) if there are several."""
-    dialect = find_dialect(lines)
-    plain = None
-    if dialect and not dialect.text_columns and dialect.decimal != dialect.delimiter:
-        # A text with only rows of numbers from its first row to its end.
-        last = next((n for n in range(len(lines), 0, -1) if lines[n - 1].strip()), 0)
-        first = next((n for n in range(last) if dialect.is_row(lines[n])), last)
-        if last - first >= MIN_ROWS:
-            plain = read_plain_numbers(lines[first:last], dialect, dialect.width, first + 1)
-    runs = find_blocks(lines, dialect) if dialect and plain is None else []
-    runs = runs if plain is None else [(plain.lines[0] - 1, plain.lines[-1] - 1)]
-    blocks = [(first, last) for first, last in runs if last - first + 1 >= MIN_ROWS]
-    if dialect is None or not blocks:
+def _read_lines(
+    lines: list[str], source: str, encoding: str, table: str | None = None, sheet: str = ""
+) -> RawTable:
+    """Return the table in lines of text, or of the rows of a sheet; `table` is its number (from 1) if there are several."""
+    dialects = find_dialects(lines, bool(sheet))
+    plain = _read_plain_table(lines, dialects[0]) if len(dialects) == 1 else None
+    if plain is None:
+        runs = [(dialect, block) for dialect in dialects for block in find_blocks(lines, dialect)]
+    else:
+        runs = [(dialects[0], Block(plain.lines[0] - 1, plain.lines[-1] - 1))]
+    tables = [(dialect, block) for dialect, block in runs if block.last - block.first + 1 >= MIN_ROWS]
+    if not tables:
         raise InputError(
             f"{source}: no table of numbers in these {len(lines)} lines ({encoding}); at least {MIN_ROWS} rows with two "
             "numbers or more are needed"
         )
-    listed = ", ".join(f"{number}: lines {a + 1} to {b + 1}" for number, (a, b) in enumerate(blocks, start=1))
-    if table is None and len(blocks) > 1:
-        raise InputError(f"{source}: {len(blocks)} tables of numbers ({listed}); choose one, e.g. --table 1")
-    if table is not None and (not table.isdigit() or not 1 <= int(table) <= len(blocks)):
+    listed = ", ".join(
+        _describe_table(*item, number, len(dialects)) for number, item in enumerate(tables, start=1)
+    )
+    if table is None and len(tables) > 1:
+        option = f"--sheet '{sheet}:1'" if sheet else "--table 1"
+        raise InputError(f"{source}: {len(tables)} tables of numbers ({listed}); choose one, e.g. {option}")
+    if table is not None and (not table.isdigit() or not 1 <= int(table) <= len(tables)):
         raise InputError(f"{source}: no table {table!r}; there are {listed}")
-    first, last = blocks[int(table or 1) - 1]
-    before = [stop for _, stop in blocks if stop < first]
+    dialect, block = tables[int(table or 1) - 1]
+    first, last, comments = block
+    before = [other.last for _, other in tables if other.last < first]
     above = lines[before[-1] + 1 if before else 0 : first]
     names, units = _read_header(above, dialect)
     remarks = [] if any(names) else _remarks_on_names(above, lines[first], dialect, source)
-    # Rows that are in no table: too few rows, and an incomplete row at the end.
-    remarks += [
-        f"lines {a + 1} to {b + 1} are too few rows for a table" for a, b in runs if b - a + 1 < MIN_ROWS
-    ]
-    if last + 1 < len(lines) and dialect.is_faulty_row(lines[last + 1]):
-        remarks.append(f"line {last + 2} is not a whole row ({lines[last + 1].strip()[:60]!r})")
+    notes = [] if plain is not None else _notes_on_rest(lines, runs, dialect, block)
     # Columns of numbers and of times of day.
     cells = dialect.split(lines[first])
     positions = {
-        f"column {column + 1}{f' {name!r}' if name else ''}": column
+        f"column {dialect.left + column + 1}{f' {name!r}' if name else ''}": column
         for column, name in enumerate(names)
         if column not in dialect.text_columns
     }
-    numbers = plain or read_numbers(
-        split_rows(lines[first : last + 1], dialect, source, first + 1),
-        positions,
-        source,
-        dialect,
-        dialect.width,
+    skipped = frozenset(comments)
+    rows = (
+        row
+        for row in split_rows(lines[first : last + 1], dialect, source, first + 1)
+        if row.line - 1 not in skipped and any(row.cells)
     )
+    numbers = plain or read_numbers(rows, positions, source, dialect, dialect.width)
     columns = []
     for column, values in zip(positions.values(), numbers.values.T, strict=True):
-        is_clock = bool(CLOCK.match(cells[column]))
+        is_clock = column in dialect.clock_columns
         if is_clock:  # seconds since the first one, across midnight
             midnights = np.concatenate([[0], np.cumsum(np.diff(values) < -_DAY_S / 2)])
             values = values - values[0] + _DAY_S * midnights
-        columns.append(RawColumn(column + 1, names[column], "s" if is_clock else units[column], values))
+        unit = "s" if is_clock else units[column]
+        columns.append(RawColumn(dialect.left + column + 1, names[column], unit, values))
     # Columns of text, which may name trials.
     texts = []
     for column in sorted(dialect.text_columns):
-        remarks.append(f"column {column + 1} is not a number ({cells[column]!r})")
+        remarks.append(f"column {dialect.left + column + 1} is not a number ({cells[column]!r})")
         labels = [dialect.split(lines[line - 1])[column] for line in numbers.lines]
         number = {label: index for index, label in enumerate([*dict.fromkeys(labels)][:_MAX_LABELS])}
         values = np.array([number.get(label, np.nan) for label in labels], dtype=float)
         values[[label.casefold() in MISSING for label in labels]] = np.nan
-        texts.append(RawColumn(column + 1, names[column], "", values, "", tuple(number)))
+        texts.append(RawColumn(dialect.left + column + 1, names[column], "", values, "", tuple(number)))
     form = "; ".join([f"{encoding}, {dialect}, lines {first + 1} to {last + 1}", *remarks])
     rates = tuple(_stated_rates(lines[:first]))
-    return RawTable(source, form, tuple(columns), numbers.lines, rates, tuple(texts))
+    return RawTable(source, form, tuple(columns), numbers.lines, rates, tuple(texts), tuple(notes))
+
+
+def _read_plain_table(lines: list[str], dialect: TableDialect) -> NumberTable | None:
+    """Return the numbers of a text that has only rows of numbers from its first row to its end; None for another text."""
+    if dialect.left or dialect.is_cut:
+        return None
+    last = next((n for n in range(len(lines), 0, -1) if lines[n - 1].strip()), 0)
+    first = next((n for n in range(last) if dialect.is_row(lines[n])), last)
+    if last - first < MIN_ROWS:
+        return None
+    readers = dict.fromkeys(dialect.clock_columns, dialect.read_clocks)
+    readers |= dict.fromkeys(dialect.text_columns, lambda cells: np.full(len(cells), np.nan))
+    table = read_plain_numbers(lines[first:last], dialect, dialect.width, first + 1, readers)
+    numeric = [column for column in range(dialect.width) if column not in dialect.text_columns]
+    return table and replace(table, values=table.values[:, numeric])
+
+
+def _describe_table(dialect: TableDialect, block: Block, number: int, tables_abreast: int) -> str:
+    """Return number, lines and, of tables side by side, columns of a table."""
+    columns = f", columns {dialect.left + 1} to {dialect.left + dialect.width}" if tables_abreast > 1 else ""
+    return f"{number}: lines {block.first + 1} to {block.last + 1}{columns}"
+
+
+def _notes_on_rest(
+    lines: list[str], runs: list[tuple[TableDialect, Block]], dialect: TableDialect, block: Block
+) -> list[str]:
+    """Return notes on rows and cells that are not in the chosen table or another one."""
+    notes = [
+        f"rows left out, too few for a table: {other.last - other.first + 1} from line {other.first + 1}"
+        for dialect_, other in runs
+        if other.last - other.first + 1 < MIN_ROWS
+        and dialect_ is dialect
+        and not dialect.cells_outside(lines[other.first])  # a label of settings
+    ]
+    end = block.last + 1
+    if end < len(lines) and dialect.is_faulty_row(lines[end]):
+        shown = " ".join(filter(None, dialect.split(lines[end])))[:60]
+        notes.append(f"row left out, as it is not whole: line {end + 1} ({shown!r})")
+    if block.comments:
+        shown = " ".join(filter(None, dialect.split(lines[block.comments[0]])))[:60]
+        notes.append(
+            f"comments between rows: {len(block.comments)}, the first in line {block.comments[0] + 1} ({shown!r})"
+        )
+    if len({dialect_ for dialect_, _ in runs}) == 1 and dialect.delimiter is not None:
+        inside = range(block.first, block.last + 1)
+        outside = [(line, *cell) for line in inside for cell in dialect.cells_outside(lines[line])]
+        listed = [
+            f"line {line + 1}, column {column}: {cell[:30]!r}" for line, column, cell in outside[:_MAX_LISTED]
+        ]
+        more = ", …" if len(outside) > _MAX_LISTED else ""
+        notes += [f"cells left out, outside the table: {'; '.join(listed)}{more}"] if outside else []
+    return notes
 
 
 def _read_header(above: list[str], dialect: TableDialect) -> tuple[list[str], list[str]]:
@@ -220,19 +294,21 @@ def _read_header(above: list[str], dialect: TableDialect) -> tuple[list[str], li
             near[-1] += f" {line}"
         else:
             near.append(line)
-    rows = [cells for line in near[-_MAX_HEADER_LINES:] if (cells := _header_cells(line, dialect))]
+    rows = [cells for line in near[-MAX_HEADER_LINES:] if (cells := _header_cells(line, dialect))]
     names, units = [""] * dialect.width, [""] * dialect.width
     # Units for the last columns from a line such as ``Y_Unit_Label<tab>mm<tab>N``.
     for line in reversed(above):
-        label, *cells = [cell for cell in dialect.split(line) if cell] or [""]
+        label, *cells = [cell for cell in Dialect.split(dialect, line) if cell] or [""]
         if "unit" in label.casefold() and 0 < len(cells) <= dialect.width and _is_unit_row(cells):
             units = [""] * (dialect.width - len(cells)) + cells
     unit_row = next((cells for cells in reversed(rows[-2:]) if _is_unit_row(cells)), None)
     if unit_row:
         units = [cell.strip("[](){}<> ") for cell in unit_row]
-    name_row = next((cells for cells in reversed(rows) if cells is not unit_row), None)
-    if name_row:
-        pairs = [split_name_and_unit(cell) for cell in name_row]
+    name_rows = [cells for cells in reversed(rows) if cells is not unit_row]
+    if name_rows:
+        # A merged cell has its name in a row above.
+        merged = [next(filter(None, cells), "") for cells in zip(*name_rows, strict=True)]
+        pairs = [split_name_and_unit(cell) for cell in merged]
         names = [name for name, _ in pairs]
         units = [unit or stated for (_, unit), stated in zip(pairs, units, strict=True)]
     return names, units

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lumbar.base.errors import InputError
-from lumbar.base.files import read_json, sanitize_name, write_csv, write_json, write_text
+from lumbar.base.files import read_json, sanitize_name, write_json, write_number_columns, write_text
 from lumbar.base.templates import template
 from lumbar.base.yaml_file import quote_yaml
 from lumbar.records.importing.recording import ImportedRecording
@@ -91,7 +91,7 @@ def write_folder(
         "records": records,
     }
     for recording in recordings:
-        write_csv(folder / f"{recording.record.name}.csv", recording.frame())
+        write_number_columns(folder / f"{recording.record.name}.csv", recording.tidy)
     write_json(folder / PROVENANCE, content)
     write_text(study, _study_text(content, folder))
     return study

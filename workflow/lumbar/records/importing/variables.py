@@ -19,8 +19,8 @@ from lumbar.records.importing.raw_table import (
 from lumbar.records.importing.roles import Choices
 from lumbar.records.unpacking import check_size, load_matlab, report_broken
 
-_MAX_COLUMNS = 64
-"""Largest number of columns of a matrix; each column is a vector."""
+_MAX_CHANNELS = 64
+"""Largest number of channels in a matrix."""
 _MAX_EXAMPLES = 3
 _EXTERNAL = "{source}: {path} is stored in another file; store all numbers in one, with h5repack or h5copy"
 _RATES = ("fs", "f_s", "fsample", "rate", "samplerate", "sampling_rate", "sample_rate", "samplingrate")
@@ -37,7 +37,7 @@ def _to_table(
     choices: Choices,
     units: Mapping[str, str],
 ) -> RawTable:
-    """Make a table of the vectors, and columns of matrices, with one length; scalars may state the sampling rate.
+    """Make a table of the vectors, and channels of matrices, with one length; scalars may state the sampling rate.
 
     `arrays` and `units` are by the variable's path, samples along the first axis. `choices.table` is the path of a group of
     variables; the named columns choose among several lengths.
@@ -56,11 +56,12 @@ def _to_table(
     for path, values in sorted(vectors.items(), key=lambda item: len(item[1])):
         grouped.setdefault(len(values), []).append(path)
     tables = {length: paths for length, paths in grouped.items() if len(paths) > 1}
-    listed = "; ".join(f"{', '.join(paths)} ({length} values)" for length, paths in grouped.items()) or "none"
+    listed = "; ".join(f"{', '.join(paths)} ({length} values)" for length, paths in grouped.items())
     if not tables:
+        shapes = (f"{path} {' x '.join(map(str, array.shape)) or '1'}" for path, array in arrays.items())
         raise InputError(
             f"{source}: position and force need two vectors of one length, of at least {MIN_ROWS} values, in one file; there "
-            f"are {listed}"
+            f"are {listed or ', '.join(shapes) or 'none'}"
         )
     paths = next(iter(tables.values()))
     if len(tables) > 1:
@@ -101,9 +102,11 @@ def _vectors(arrays: Mapping[str, np.ndarray]) -> Iterator[tuple[str, np.ndarray
         values = np.squeeze(array)
         if values.ndim == 1 and len(values) >= MIN_ROWS:
             yield path, values.astype(float)
-        elif values.ndim == 2 and values.shape[0] >= MIN_ROWS and values.shape[1] <= _MAX_COLUMNS:
-            for column in range(values.shape[1]):
-                yield f"{path}(:,{column + 1})", values[:, column].astype(float)
+        elif values.ndim == 2 and min(values.shape) <= _MAX_CHANNELS and max(values.shape) >= MIN_ROWS:
+            # The samples are along the longer axis; the names are MATLAB's.
+            is_wide = values.shape[1] > values.shape[0]
+            for number, channel in enumerate(values if is_wide else values.T, start=1):
+                yield f"{path}({number},:)" if is_wide else f"{path}(:,{number})", channel.astype(float)
 
 
 def _stated_rates(arrays: Mapping[str, np.ndarray]) -> Iterator[StatedRate]:

@@ -30,7 +30,8 @@ _NAMES = "|".join(
 )
 _AXIS_NAME = re.compile(rf"(?P<before>{_NAMES})(?P<axis>[{''.join(AXES)}])(?P<after>{_NAMES})")
 _ROTATIONS = frozenset(ROLE_WORDS["turning"].split())
-_MATRIX = re.compile(r"^(?P<name>.*)\(:,(?P<number>\d+)\)$")
+_MATRIX = re.compile(r"^(?P<name>.*)\((?=:|\d+,)[:,]*(?P<number>\d+)[:,]*\)$")
+"""Channel of a matrix, ``data(:,2)`` or ``data(2,:)``."""
 
 
 @dataclass(frozen=True)
