@@ -248,7 +248,8 @@ def check_record(
     record : Record
         The record.
     may_rest : collection of str
-        Roles of channels that may be constant; of several axes, only one needs to move.
+        Roles of channels that may be constant, in addition to the input of one axis, which rests in a hold; of several axes, only
+        one needs to move.
     lines : sequence of int, optional
         Line of each sample in the file.
 
@@ -276,7 +277,7 @@ def check_record(
                 f"{name} is {values[bad[0]]}",
                 f"every value must be a finite number, of at most {largest:g} {unit}".rstrip() + " in size",
             )
-        elif name != "time" and name not in may_rest and constant.issuperset(all_axes.get(name, (name,))):
+        elif name not in ("time", "input", *may_rest) and constant.issuperset(all_axes.get(name, (name,))):
             problems.add(name, f"constant ({values[0]:g})", "a channel that does not move cannot be analysed")
     problems.raise_if_any()
     # The clock must increase and be even. Its steps may differ by the rounding of few digits, so samples are compared with

@@ -40,7 +40,7 @@ def bad_training() -> dict[str, tuple]:
     """Training record by its fault, and words of the message."""
     force, is_bad = force_of(GOOD), np.arange(len(GOOD)) == 100
     return {
-        "constant input": (np.full(len(GOOD), 1.0), force, "input: constant (1)"),
+        "constant input": (np.full(len(GOOD), 1.0), force, "cannot predict b"),
         "constant output": (GOOD, np.full(len(GOOD), 2.0), "output: constant (2)"),
         "not a number": (GOOD, np.where(is_bad, np.nan, force), "line 102: output is nan"),
         "too large": (GOOD, np.where(is_bad, 1e308, force), "line 102: output is 1e+308"),

@@ -67,7 +67,7 @@ def test_json_has_contract_keys(case):
 def test_result_lists_steps_and_deciding_step(case):
     result = case("case_03")
     assert [item["step"] for item in result.to_json()["steps"]] == [item.step for item in result.steps]
-    steps = "repair sensor faults, estimate the noise floor, check direction and signs, choose the base, select effects"
+    steps = "repair sensor faults, estimate the noise floor, check the motion, check direction and signs, choose the base"
     assert [item.step for item in result.steps][:5] == steps.split(", ")
     assert result.decided_by.step == "find ties" and result.decided_by.status == result.status == "named"
 

@@ -124,17 +124,17 @@ def test_location_with_noise_floor_of_another_record():
 
 
 def test_position_at_rest_has_no_relation_to_the_error():
-    """Ramps that are held afterwards; the last is over before its first sample that counts."""
-    slow, fast = (
+    """A ramp that is held afterwards, and a record of the hold only."""
+    ramp, hold = (
         record_of_model(
             MODEL,
-            np.minimum(np.arange(2000) / rise, 1.0),
-            lambda z, v, t, rise=rise: 0.01 * t + 0.02 * noise(2000, rise),
-            f"ramp_{rise}",
+            np.minimum((np.arange(2000) + start) / 1000, 1.0),
+            lambda z, v, t, start=start: 0.01 * t + 0.02 * noise(2000, start),
+            f"from_{start}",
         )
-        for rise in (1000, 40)
+        for start in (0, 1000)
     )
-    location = locate_last(slow, fast)
+    location = locate_last(ramp, hold)
     motion = location.views["position and velocity"]
     assert (motion.share, motion.p_value, len(motion.table["mean"])) == (0.0, 1.0, 0)
     assert (

@@ -286,14 +286,14 @@ class Motion:
         return self.replace_position(between[::SUBSTEPS], between)
 
     def scale(self, kind: str) -> float:
-        """Return the size of a quantity for starting values, in the motion's units.
+        """Return the size of a quantity for starting values, in the motion's units; 1 for a quantity that is 0 in a rest.
 
         Parameters
         ----------
         kind : str
             Quantity, see `lumbar.tissue.models.parameter.NonlinearParameter`; ``force`` is not available.
         """
-        return {
+        size = {
             "position": lambda: float(np.ptp(self.position) / 2),
             "speed": lambda: float(np.abs(self.velocity).max()),
             "path": lambda: float(self.path[-1]),
@@ -303,6 +303,7 @@ class Motion:
             "sampling": lambda: self.sampling_time,
             "one": lambda: 1.0,
         }[kind]()
+        return size or 1.0
 
 
 def _corners(position: np.ndarray) -> list[int]:

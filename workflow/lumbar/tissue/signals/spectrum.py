@@ -130,7 +130,7 @@ def occupied_band(position: np.ndarray, sampling_time: float, occupied: float = 
     """Return the two frequencies (Hz) that bound a share of the power of a position, with equal power below and above.
 
     The position is not tapered as in `spectral_edge`, so that the edges are lines of a periodic motion. Steps of a coarse encoder
-    would dominate its velocity.
+    would dominate its velocity. A rest occupies the lowest line.
 
     Parameters
     ----------
@@ -142,8 +142,10 @@ def occupied_band(position: np.ndarray, sampling_time: float, occupied: float = 
         Share of the power between both frequencies.
     """
     power = np.abs(np.fft.rfft(position - position.mean())) ** 2
-    share = np.cumsum(power) / power.sum()
     frequency = np.fft.rfftfreq(len(position), sampling_time)
+    if not power.any():
+        return float(frequency[1]), float(frequency[1])
+    share = np.cumsum(power) / power.sum()
     tail = (1 - occupied) / 2
     low, high = np.searchsorted(share, [tail, 1 - tail])
     return float(max(frequency[low], frequency[1])), float(frequency[high])
@@ -230,7 +232,7 @@ def motion_range(position: np.ndarray, sampling_time: float) -> MotionRange:
     Parameters
     ----------
     position : numpy.ndarray, shape (samples,)
-        At least three positions in any unit, not all equal.
+        At least three positions in any unit.
     sampling_time : float
         Seconds.
 

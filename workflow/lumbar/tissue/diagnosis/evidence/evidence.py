@@ -225,7 +225,8 @@ def gather_evidence(
             without = drop_effect(model, form.effect, experiment)
             other_forms += extend(without, {form.effect: effect.with_forms(others)}, experiment)
     separation = separating_excitation(diagnosis, machine_limits(machine, experiment))
-    detectable = detectable_effects(diagnosis, catalogue, null)
+    moves = np.ptp(training.motion.position) > 0  # a rest shows no effect
+    detectable = detectable_effects(diagnosis, catalogue, null) if moves else []
     return Evidence(remaining, signal_angles(diagnosis), separation, detectable, threshold, null, other_forms)
 
 

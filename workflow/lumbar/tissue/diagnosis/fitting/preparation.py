@@ -28,10 +28,18 @@ _MAX_PAUSE_RATIO = 10.0
 """Longest pause between two records, in durations of all records: a longer pause is an error of the clocks."""
 _MAX_UNIT_RATIO = 200.0
 """Ratio of two records' force over position, in slow motion, above which their units must differ."""
-_SLOW_SHARE = 0.3
-"""Share of the samples that count as slow: the force at high speed has no limit."""
+_SLOW_SHARE, _POSITION_BINS = 0.3, 10
+"""Share of the samples at a position that count as slow, because the force at high speed has no limit; number of positions."""
+_MIN_UNIT_CORRELATION = 0.3
+"""Smallest correlation of force and position of a record that moves: counts of an encoder at rest do not show a stiffness."""
+_STILL_SHARE, _REST_SHARE = 5e-4, 0.01
+"""Largest motion of a tool that is still, and that is slow, as shares of a record's range; the latter also limits the change of
+the force, as a share of the force's range."""
+_UNLOADED_SHARE = 0.02
+"""Largest force of tissue that is not loaded yet, as a share of the force's range."""
+_MIN_REST_SAMPLES = 5
 _MIN_RANGE_SHARE = 0.05
-"""Smallest share of another record's range that a training record must cover."""
+"""Smallest share of another record's range that a training record must cover, and of its positions that a motion must cover."""
 _MIN_RESPONSE_VARIANCE = 2.0
 """Variance of a response in noise variances, below which it is mostly noise."""
 _MAX_ERROR_OVER_FLOOR = 3.0
@@ -137,7 +145,7 @@ class Experiment:
     session: bool = False
     """True if each record begins in the state at the end of the record before."""
     settling_s: float | None = None
-    """Seconds at the start of every record that are excluded from errors; default `settling_time` of the record."""
+    """Seconds at the start of every record that are excluded from errors; default `excluded_time` of the record."""
     position_noise_force: float = 0.0
     """RMS of the force caused by known position noise within the excitation's band, which is not filtered out."""
 
@@ -174,6 +182,12 @@ class Experiment:
     def noise(self) -> float:
         """RMS of the noise floor; 0 if the floor is unknown."""
         return 0.0 if self.floor is None else self.floor.rms
+
+    @property
+    def is_unseen_at_rest(self) -> bool:
+        """True if the position rests in all unseen parts, e.g. in the end of a stress-relaxation test."""
+        span = float(np.ptp(self.training.motion.position))
+        return all(np.ptp(item.trim(item.motion.position)) <= _REST_SHARE * span for item in self.tests)
 
     @property
     def extra_floor_rms(self) -> float:
@@ -290,7 +304,7 @@ def resting_position(positions: Sequence[np.ndarray]) -> np.ndarray:
     """
     every = np.concatenate(positions, axis=1)
     reach = float(np.linalg.norm(np.ptp(every, axis=1)))
-    if np.linalg.norm(every, axis=0).min() <= reach:
+    if reach == 0 or np.linalg.norm(every, axis=0).min() <= reach:
         return np.zeros(len(every))
     begins = np.concatenate([item[:, : 1 + item.shape[1] // _BEGINNINGS] for item in positions], axis=1)
     is_common = np.linalg.norm(np.ptp(begins, axis=1)) <= _MAX_BEGINNING_DISTANCE * reach
@@ -313,9 +327,37 @@ def choose_training(
     return chosen, [item for item in records if all(item is not one for one in chosen)]
 
 
+def excluded_time(record: Record, settling_s: float | None) -> float:
+    """Return the seconds at the start of a record that errors exclude.
+
+    A record that begins at rest excludes nothing: its initial state is known, and its rest shows the zeros of the sensors.
+    """
+    return 0.0 if settling_s is None and begins_at_rest(record) else settling_time(record, settling_s)
+
+
+def begins_at_rest(record: Record) -> bool:
+    """Return whether a record begins with a constant position and force, or at an end of its motion without a force."""
+    position, force = record["input"], record["output"]
+    span, size = float(np.ptp(position)), float(np.ptp(force))
+    if not span or not size:
+        return False
+    moved = np.abs(position - position[0])
+    count, slow = (int(np.argmax(moved > share * span)) for share in (_STILL_SHARE, _REST_SHARE))
+    rest = force[: max(count, 1)]
+    # Standard error of the mean of half of the rest, from differences of neighbours, which a slow change hardly affects.
+    error = float(np.std(np.diff(rest))) / np.sqrt(count) if count > 2 else 0.0
+    # A rest ends abruptly; a smooth motion from a reversal is slow for longer than it is still.
+    if count >= max(_MIN_REST_SAMPLES, slow / 2):
+        before, after = (half.mean() for half in np.array_split(rest, 2))
+        if abs(after - before) <= max(_REST_SHARE * size, 3 * np.sqrt(2) * error):
+            return True
+    is_end = min(position[0] - position.min(), position.max() - position[0]) <= _REST_SHARE * span
+    return bool(is_end and abs(rest.mean()) <= max(_UNLOADED_SHARE * size, 3 * error))
+
+
 def settling_samples(record: Record, settling_s: float | None) -> int:
     """Return the number of samples at the start of a record that errors exclude; reject a record with few other samples."""
-    time = settling_time(record, settling_s)
+    time = excluded_time(record, settling_s)
     samples = round(time / record.sampling_time)
     if len(record) - samples < _MIN_SAMPLES:
         raise InputError(
@@ -341,8 +383,9 @@ def assemble_experiment(
 def check_excitation(training: Record, others: list[Record]) -> None:
     """Reject a training record that hardly moves compared with the others, and records in different units."""
     for other in others:
-        stiffness = _slow_stiffness(training) / max(_slow_stiffness(other), 1e-300)
-        if max(stiffness, 1 / max(stiffness, 1e-300)) > _MAX_UNIT_RATIO:
+        stiffness = [_secant_stiffness(record) for record in (training, other)]
+        ratio = stiffness[0] / stiffness[1] if all(stiffness) else 1.0
+        if max(ratio, 1 / ratio) > _MAX_UNIT_RATIO:
             ratios = {role: np.std(training[role]) / np.std(other[role]) for role in ("input", "output")}
             role = max(ratios, key=lambda item: abs(np.log(ratios[item])))
             channel = training.channels[role]
@@ -352,7 +395,7 @@ def check_excitation(training: Record, others: list[Record]) -> None:
                 "or give each its scale in the layout"
             )
         ranges = [float(np.ptp(record["input"])) for record in (training, other)]
-        if ranges[0] / ranges[1] < _MIN_RANGE_SHARE:
+        if ranges[0] < _MIN_RANGE_SHARE * ranges[1]:
             unit = training.channels["input"].unit
             raise InputError(
                 f"{training.source or training.name}: it moves by {ranges[0]:.3g} {unit}, {other.name} by {ranges[1]:.3g} "
@@ -378,8 +421,22 @@ def check_unseen(fitted: Sequence[Record], others: Sequence[Record]) -> None:
                     )
 
 
-def _slow_stiffness(record: Record) -> float:
-    """Return the ratio of the standard deviations of force and position in slow motion."""
-    speed = np.abs(np.gradient(record["input"]))
-    slow = speed <= np.quantile(speed, _SLOW_SHARE)
-    return float(np.std(record["output"][slow]) / max(np.std(record["input"][slow]), 1e-300))
+def _secant_stiffness(record: Record) -> float:
+    """Return the ratio of the standard deviations of force and position in slow motion; 0 if no motion shows it.
+
+    The force is averaged at each of several positions: samples of a hold are all at one position.
+    """
+    position, force = record["input"], record["output"]
+    # A hold far from 0 may creep by counts of its encoder: its force does not depend on these.
+    if np.ptp(position) <= _MIN_RANGE_SHARE * np.abs(position).max() or not np.ptp(force):
+        return 0.0
+    edges = np.linspace(position.min(), position.max(), _POSITION_BINS + 1)[1:-1]
+    place, speed = np.searchsorted(edges, position), np.abs(np.gradient(position))
+    means = []
+    for number in np.unique(place):
+        inside = place == number
+        slow = inside & (speed <= np.quantile(speed[inside], _SLOW_SHARE))
+        means.append((position[slow].mean(), force[slow].mean()))
+    moved, loaded = np.std(means, axis=0)
+    correlation = abs(float(np.corrcoef(position, force)[0, 1]))
+    return float(loaded / moved) if correlation >= _MIN_UNIT_CORRELATION else 0.0

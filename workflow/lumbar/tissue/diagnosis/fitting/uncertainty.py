@@ -153,6 +153,23 @@ def prediction_variance(fit: Fit, data: FitData, records: list[FitData]) -> floa
     return total / count
 
 
+def unpredicted_errors(fit: Fit, data: FitData, record: FitData) -> np.ndarray:
+    """Return the errors on another record without the part that is due to the uncertainty of the fit's parameters.
+
+    This part is the expected force of other parameters, given these errors, with the covariance of the parameters as their prior
+    distribution (linear Gaussian model). A record with noise only is returned almost unchanged.
+    """
+    covariance, size = scaled_covariance(fit, data)
+    errors, jacobian = fit.whitened_errors(record), fit.sensitivities(record)
+    known = min(jacobian.shape[1], len(size)) if len(fit.zeros) <= 1 else len(size) - len(fit.zeros)
+    values, directions = np.linalg.eigh(covariance[:known, :known] * data.size / fit.squared_error)
+    columns = (jacobian[:, :known] / size[:known]) @ (directions * np.sqrt(np.maximum(values, 0.0)))
+    if not np.all(np.isfinite(columns)):
+        return errors
+    left, spread, _ = np.linalg.svd(columns, full_matrices=False)
+    return errors - left @ ((spread / np.hypot(spread, 1.0)) ** 2 * (left.T @ errors))
+
+
 def tangent_basis(fit: Fit, records: list[FitData]) -> np.ndarray:
     """Return an orthonormal basis of the model's tangent space at the samples that count, shape (samples, directions).
 

@@ -60,6 +60,7 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
     measures = [
         _measure(record.drop_history(record.motion.position), record.drop_history(record.force))
         for record in (*experiment.training.records, *experiment.tests)
+        if np.ptp(record.drop_history(record.motion.position)) > 0
     ]
     columns = (layout or TissueSettings().layout).columns
     position, force = experiment.input_quantity, experiment.output_quantity

@@ -12,7 +12,7 @@ from lumbar.base.progress import track
 from lumbar.records.record import Record
 from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment, simulate_in_session
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, excluded_time, simulate_in_session
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.noise.periods import fold_periods
 from lumbar.tissue.diagnosis.residuals.candidate_causes import (
@@ -25,7 +25,6 @@ from lumbar.tissue.diagnosis.residuals.compare import Comparison, compare_record
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import motion_view, reversal_view
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent, steady_velocity
 from lumbar.tissue.diagnosis.residuals.time_frequency import band_view, line_view, time_view
-from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.motion import Motion
 
@@ -41,7 +40,7 @@ def residual_of(record: Record, simulated: np.ndarray, experiment: Experiment) -
     InputError
         If the simulation does not fit the record, is not finite, or nothing is left after the settling time.
     """
-    start = settling_time(record, experiment.settling_s)
+    start = excluded_time(record, experiment.settling_s)
     noise = experiment.floor, experiment.floor_from
     return residual_after(record, simulated, *noise, start, rest=experiment.rest[0])
 
@@ -196,7 +195,7 @@ def residual_reports(
     residuals = [residual_of(*one) for one in simulated]
     causes, reports = rank_causes(residuals), []
     for number, (record, values, experiment) in enumerate(track(simulated, "records compared and located")):
-        start, floor = settling_time(record, experiment.settling_s), experiment.floor
+        start, floor = excluded_time(record, experiment.settling_s), experiment.floor
         comparison = compare_record(record, values, floor, experiment.floor_from, start, seed + number)
         location = Location.from_residual(record.name, residuals[number], causes)
         reports.append(ResidualReport(record, values, comparison, location))

@@ -8,7 +8,7 @@ import numpy as np
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base as fit_structure
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, begins_at_rest
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
 from lumbar.tissue.diagnosis.selection.base_choice import SEARCH
 from lumbar.tissue.diagnosis.selection.candidate import (
@@ -36,6 +36,8 @@ _MIN_START_SAMPLES = 3
 _ZERO_SHIFT_SHARE, _ZERO_SHIFT_SIGMAS = 0.1, 2.5
 """Largest distance between the zero at a record's beginning and that of the whole record if both are the same: a share of the
 zero's shift, plus standard errors of the median at the beginning."""
+_MAX_START_SHARE = 0.5
+"""Largest error at the start of a record that begins at rest, as a share of the zero, if the zero is the sensor's."""
 _MIN_ZERO_SHARE = 0.01
 """Share of the response's range above which a sensor's zero is reported."""
 _LEAD_BASES = ("LE", "KB")
@@ -59,6 +61,8 @@ def compare_zeros(state: DiagnosisState) -> DiagnosisState:
     step, result, experiment = "compare zeros", state.result, state.result.experiment
     if experiment.has_own_zeros:
         return state.next(step, "not needed: every record has a zero already")
+    if len(experiment.records) == 1:
+        return state.next(step, "not needed: one record has one zero")
     with_zeros = experiment.allow_own_zeros()
     accumulating = any(state.settings.candidates[name].accumulates for name in result.selected)
     if not accumulating and not any(
@@ -145,7 +149,12 @@ def check_lead(state: DiagnosisState) -> DiagnosisState:
 
 def report_zeros(state: DiagnosisState) -> DiagnosisState:
     """Report the zeros of the sensors if they are relevant."""
-    return state.report("report zeros", report_offsets(state.result), "the zeros are where the records say")
+    findings, training = report_offsets(state.result), state.result.experiment.training.name
+    if any(item.kind == "force_offset" and item.record == training for item in findings):
+        # A zero that the records contradict is an error of the model.
+        is_useful = _is_zero_useful(state.result)
+        findings = [item for item in findings if is_useful or item.kind != "force_offset"]
+    return state.report("report zeros", findings, "the zeros are where the records say")
 
 
 def report_offsets(result: DiagnosisResult) -> list[Finding]:
@@ -164,8 +173,10 @@ def report_offsets(result: DiagnosisResult) -> list[Finding]:
         scaled, size = scaled_covariance(fit, experiment.training)
         deviation = 1.96 * float(np.sqrt(max(scaled[-1, -1], 0.0)) / size[-1])
         low, high = float(fit.zeros[-1]) - deviation, float(fit.zeros[-1]) + deviation
-    notable = _MIN_ZERO_SHARE * float(np.ptp(experiment.training.force))
-    if abs(fit.zero) > notable and (low > 0 or high < 0):
+    force = experiment.training.force
+    # A zero beyond every measured force is an error of the model.
+    is_notable = _MIN_ZERO_SHARE * float(np.ptp(force)) < abs(fit.zero) <= float(np.abs(force).max())
+    if is_notable and (low > 0 or high < 0):
         sentence = (
             f"The zero of the {quantity} is at {fit.zero:+.3g} {unit} (95 % interval {low:.3g} to {high:.3g}), or the zero of "
             f"the {experiment.input_quantity} is off by an amount that causes it. It was fitted with the model and subtracted."
@@ -180,6 +191,19 @@ def report_offsets(result: DiagnosisResult) -> list[Finding]:
             )
             findings.append(Finding("force_offset", sentence, item.zero, unit, item.name))
     return findings
+
+
+def _is_zero_useful(result: DiagnosisResult) -> bool:
+    """Return whether records that begin at rest begin at the fitted zero, and it lowers the error on unseen records."""
+    model, experiment = result.model, result.experiment
+    resting = {record.name for record in experiment.records if begins_at_rest(record)}
+    for data in (item for item in experiment.training.records if item.name in resting):
+        start = float(data.force[data.begins] - model.fit.simulate(data.motion)[data.begins])
+        if abs(start) > _MAX_START_SHARE * abs(model.fit.zero):
+            return False
+    structure = model.fit.structure
+    without = Structure(replace(structure.base, sensor_zero=False), structure.forms)
+    return refit(without, model.fit.nonlinear, experiment).test_rms > model.test_rms
 
 
 def position_offset(experiment: Experiment) -> list[Finding]:

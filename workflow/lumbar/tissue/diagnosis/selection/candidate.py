@@ -190,18 +190,23 @@ def loss_improvement(before: Fit, after: Fit, records: list[FitData]) -> float:
 def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = ADEQUATE) -> bool:
     """Return whether the errors are within a factor of the noise floor plus the other errors of a right model.
 
-    Without a floor, the model must explain at least half of the variance of every record and leave white noise: an autoregressive
-    model (Yule–Walker) must not predict its error better than by this factor.
+    Without a floor, the model must explain at least half of the variance of every record that moves and leave white noise: an
+    autoregressive model (Yule–Walker) must not predict its error better than by this factor. On unseen records the part of the
+    error that the parameters' uncertainty explains does not count.
     """
     if experiment.floor is None:
         for record in (experiment.training, *experiment.tests):
             errors = candidate.fit.errors(record)
-            if np.mean(errors**2) > _MAX_LEFT_SHARE * np.var(record.trim(record.force)):
+            # The force of a record that rests is noise, all of which a right model leaves.
+            moving = record if np.ptp(record.trim(record.motion.position)) > 0 else experiment.training
+            if np.mean(errors**2) > _MAX_LEFT_SHARE * np.var(moving.trim(moving.force)):
                 return False
-            size, order = len(errors), min(_PREDICTION_ORDER, len(errors) // 20)
-            _, gained = prediction_error_filter(autocovariance(errors, order) / size)
-            # White noise gains by chance one part in its size for each coefficient.
-            if np.sqrt(max(gained * (1 - order / size), 1.0)) > factor:
+            if _predictability(errors) <= factor:
+                continue
+            if record is experiment.training:
+                return False
+            unpredicted = uncertainty.unpredicted_errors(candidate.fit, experiment.training, record)
+            if _predictability(unpredicted) > factor:
                 return False
         return True
     floor, training, tests = experiment.floor, experiment.training, experiment.tests
@@ -216,6 +221,14 @@ def is_adequate(candidate: Candidate, experiment: Experiment, factor: float = AD
         return True
     left = candidate.test_rms**2 - largest(tests) ** 2
     return left <= _UNCERTAIN_VARIANCES * uncertainty.prediction_variance(candidate.fit, training, tests)
+
+
+def _predictability(errors: np.ndarray) -> float:
+    """Return the ratio of errors to those of their autoregressive prediction; about 1 if they are white."""
+    size, order = len(errors), min(_PREDICTION_ORDER, len(errors) // 20)
+    _, gained = prediction_error_filter(autocovariance(errors, order) / size)
+    # White noise gains by chance one part in its size for each coefficient.
+    return float(np.sqrt(max(gained * (1 - order / size), 1.0)))
 
 
 def is_worthwhile(base: Candidate, before: Candidate, after: Candidate, experiment: Experiment) -> bool:

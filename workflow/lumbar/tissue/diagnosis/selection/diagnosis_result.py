@@ -17,7 +17,7 @@ _LAST_KINDS = (
     *("surface", "position_offset", "force_offset", "motion_offset"),
     *("turned_frame", "crosstalk", "unexcited"),
     *("apparent_zeros", "force_leads", "higher_order_linear"),
-    *("other_rates_missed", "one_rate", "trained_otherwise", "falling_stiffness", "proposed_law"),
+    *("other_rates_missed", "one_rate", "one_ramp", "trained_otherwise", "falling_stiffness", "proposed_law"),
 )
 """Kinds of findings that a result lists last, in this order."""
 

@@ -26,6 +26,7 @@ from lumbar.tissue.diagnosis.selection.diagnosis_result import (
     run,
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import extend, find_ties
+from lumbar.tissue.diagnosis.selection.one_ramp import check_motion, check_one_ramp
 from lumbar.tissue.diagnosis.selection.sentences import effects_text
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
@@ -173,9 +174,12 @@ def check_rate_independence(state: DiagnosisState) -> DiagnosisState:
     named = [name for name in result.selected if effects[name].rate_independent]
     if result.status not in (Status.NAMED, Status.TIED) or not named:
         return state.next(step, "not needed: no rate-independent effect is named")
+    if any(item.kind == "one_ramp" for item in result.findings):
+        return state.next(step, "not needed: one ramp has one rate, and its rivals are tied")
     # Lowest and highest frequency (Hz) of the motion in all records.
     records = [part for item in (experiment.training, *experiment.tests) for part in item.records]
     motions = [(part.drop_history(part.motion.position), part.motion.sampling_time) for part in records]
+    motions = [motion for motion in motions if np.ptp(motion[0]) > 0]
     lows, highs = zip(*(occupied_band(*motion, _FUNDAMENTAL_POWER) for motion in motions), strict=True)
     low, high = min(lows), max(highs)
     rates_differ, failed = high >= _MIN_RATE_RATIO * low, _unpredicted_records(result, named)
@@ -260,7 +264,7 @@ def _falling_stiffness(experiment: Experiment) -> list[Finding]:
         least = _MIN_RANGE_SHARE * float(np.ptp(record["input"]))
         segments = (np.array_split(record[role], _SEGMENTS) for role in ("input", "output"))
         for position, force in zip(*segments, strict=True):
-            if np.ptp(position) < least:
+            if np.ptp(position) <= least:
                 return []  # a hold shows no stiffness
             moved = position - position.mean()
             slopes.append(float(moved @ force / (moved @ moved)))
@@ -315,6 +319,7 @@ def _fit_rivals(result: DiagnosisResult, named: list[str], effects: dict[str, Ef
 TISSUE_STEPS = (
     repair_sensor_faults,
     estimate_noise_floor,
+    check_motion,
     check_direction,
     *SEARCH,
     reweigh_errors,
@@ -323,6 +328,7 @@ TISSUE_STEPS = (
     compare_with_linear_dynamics,
     check_lead,
     report_zeros,
+    check_one_ramp,
     check_rate_independence,
     compare_records,
     search_formula,
