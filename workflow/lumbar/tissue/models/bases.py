@@ -232,5 +232,7 @@ straight down (hanging, as published), −m g ℓ < 0 if from straight up (inver
 
 QUASI_LINEAR = ("QLV", "QLV-2", "QLV-power")
 """Bases of quasi-linear viscoelasticity (Fung 1993, section 7.6), those with fewer states first."""
+LENGTH = "hardening_length"
+"""Name of the parameter of a quasi-linear base beyond which its elastic response is nonlinear."""
 CHOSEN_BY_DATA = "auto"
 """Value of the base setting with which the data decide the base of a tissue."""

@@ -1,10 +1,15 @@
 """Choice of the base: before effects are known, and again with the selected effects."""
 
+from dataclasses import replace
+
 import numpy as np
 import scipy
 
-from lumbar.tissue.diagnosis.fitting.joint_fit import fit
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.base.errors import InputError
+from lumbar.tissue.diagnosis.finding import Finding
+from lumbar.tissue.diagnosis.fitting.joint_fit import fit, shape_bounds
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
+from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
     best_by_effect,
@@ -17,7 +22,7 @@ from lumbar.tissue.diagnosis.selection.candidate import (
 from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisState, run
 from lumbar.tissue.diagnosis.selection.forward_selection import extend, select_effects
 from lumbar.tissue.diagnosis.selection.thresholds import TIED
-from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
+from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, LENGTH, QUASI_LINEAR, Base
 from lumbar.tissue.models.form import Effect
 
 TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")
@@ -59,7 +64,71 @@ def reconsider_base(state: DiagnosisState) -> DiagnosisState:
     return select_effects(state.next(step, reason, experiment=experiment, base=base, path=[base]))
 
 
-SEARCH = (choose_base, select_effects, reconsider_base)
+def try_quasi_linear(state: DiagnosisState) -> DiagnosisState:
+    """Choose a quasi-linear base if it explains more than the best linear base with effects; select effects again.
+
+    Its elastic response must be nonlinear within the range of the records: else it is a spectrum of a linear base. One ramp may
+    not determine that response: if no such base is found, all records are fitted together.
+    """
+    step, result, settings = "try quasi-linear bases", state.result, state.settings
+    if settings.base != CHOSEN_BY_DATA or settings.system != "tissue":
+        return state.next(step, "not needed: the base is given")
+    if is_adequate(result.model, result.experiment):
+        return state.next(step, "not needed: the model leaves only noise")
+    experiment = result.experiment.shift_origin(result.experiment.rest[0])
+    base = _best_quasi_linear(result.model, experiment)
+    if base is not None:
+        reason = _describe_gain(base, result.model, experiment)
+        return select_effects(state.next(step, reason, experiment=experiment, base=base, path=[base]))
+    names = [record.name for record in experiment.records]
+    if settings.train or not experiment.tests or result.model.fit.structure.base.contact:
+        return state.next(step, "none explains the records better")
+    try:
+        together = prepare(state.repaired[0], **{**settings.preparation, "train": names})
+    except InputError:  # records of different rates
+        return state.next(step, "none explains the records better")
+    model = refit(result.model.fit.structure, result.model.fit.nonlinear, together)
+    base = None if is_adequate(model, together) else _best_quasi_linear(model, together)
+    if base is None or not is_adequate(base, together):
+        return state.next(step, "none explains the records better, by itself or fitted to all together")
+    sentence = (
+        f"{' and '.join(names)} were fitted together: {experiment.training.name} alone does not determine the nonlinear elastic "
+        f"response of {base.fit.structure.base.name}, with which one set of parameters describes all records."
+    )
+    finding = Finding("trained_together", sentence, base.train_rms, experiment.output_unit)
+    changes = {"settings": replace(settings, train=names), "prepared": together, "experiment": together}
+    reason = f"fitted to all together, {_describe_gain(base, model, together)}"
+    return select_effects(state.next(step, reason, finding, base=base, path=[base], **changes))
+
+
+def _describe_gain(base: Candidate, model: Candidate, experiment: Experiment) -> str:
+    errors = f"{base.test_rms:.4g} {experiment.output_unit} unseen, the linear base {model.test_rms:.4g}"
+    return f"{base.fit.structure.base.name} explains the records better: error {errors}"
+
+
+def _best_quasi_linear(model: Candidate, experiment: Experiment) -> Candidate | None:
+    """Return the likeliest quasi-linear base that explains significantly more than a model and is nonlinear, or None."""
+    before = fit_base(BASES["KB"], experiment)
+    better = [
+        item
+        for item in (fit_base(BASES[name], experiment) for name in QUASI_LINEAR)
+        if item.score < model.score - TIED
+        and is_worthwhile(before, model, item, experiment)
+        and _is_curved(item, experiment)
+    ]
+    return min(better, key=lambda item: item.score, default=None)
+
+
+def _is_curved(model: Candidate, experiment: Experiment) -> bool:
+    """Return whether the interval of a quasi-linear base's length ends below the longest length that a fit allows."""
+    units = experiment.input_unit, experiment.output_unit
+    length = next(item for item in estimates(model.fit, experiment.training, *units) if item.name == LENGTH)
+    at = [item.name for item in model.fit.structure.nonlinear].index(LENGTH)
+    _, longest = shape_bounds(model.fit.structure, experiment.training, model.fit.nonlinear)
+    return length.high < longest[at]
+
+
+SEARCH = (choose_base, select_effects, reconsider_base, try_quasi_linear)
 """Steps from prepared records to the selected model."""
 
 
