@@ -20,6 +20,7 @@ _EXPORTS = {
     "LumbarError": "lumbar.base.errors",
     "NumericalError": "lumbar.base.errors",
     "export_fmu": "lumbar.interface.device",
+    "export_prony": "lumbar.interface.device",
     "load_models": "lumbar.interface.device",
     "render": "lumbar.interface.device",
     "diagnose": "lumbar.interface.diagnose",

@@ -112,6 +112,11 @@ def test_refined_model_is_exported_as_fmu(run, tissue, tmp_path):
     run.done(*command, "--output", tmp_path / "fmu")
     names = [f"KB+inertia_fmi{version}.fmu" for version in (2, 3)]
     assert sorted(path.name for path in (tmp_path / "fmu").iterdir()) == names
+    err = run.refused(*command, "--output", tmp_path, "--prony")
+    assert has_tokens(err, "--prony … --target")
+    run.done(*command[:2], "--model", "KB", "--output", tmp_path / "prony", "--prony")
+    names = ["KB_abaqus.inp", "KB_febio.xml"]
+    assert sorted(path.name for path in (tmp_path / "prony").iterdir()) == names
     settings = tmp_path / "effects.yaml"
     settings.write_text("improvement: {effects: [inertia]}")
     run.done("identify", tissue, "--config", settings, "--output", tmp_path / "identified")

@@ -130,8 +130,23 @@ def run_propose(options) -> None:
 
 
 def run_export(options) -> None:
-    """Compile and pack the models."""
+    """Compile and pack the models, or write their Prony series."""
     settings = read_settings(options)
+    if options.prony:
+        if options.rate or options.target:
+            raise InputError(
+                "--prony writes text for finite elements: --rate and --target do not apply; leave them out"
+            )
+        files = lumbar.export_prony(
+            options.models,
+            options.output,
+            options.model,
+            trained_on=options.trained_on,
+            effect_files=settings.improvement.effect_files,
+            settings=settings.runtime,
+        )
+        print(*files, sep="\n")
+        return
     files = lumbar.export_fmu(
         options.models,
         options.output,

@@ -1,4 +1,4 @@
-"""``lumbar.load_models``, ``export_fmu`` and ``render``: models on a haptic device."""
+"""``lumbar.load_models``, ``export_fmu``, ``export_prony`` and ``render``: models outside the project."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
-from lumbar.base.files import read_json
+from lumbar.base.files import read_json, write_text
 from lumbar.interface.result import UNKNOWN_SOURCE, Result
 from lumbar.settings.runtime import Platform, RuntimeSettings
 from lumbar.tables.table import Table
@@ -123,6 +123,55 @@ def export_fmu(
     exported = judge_on_device(export_models(selected, settings), settings, selected)
     written = export_fmus(exported, Path(folder), source_label or read_from, targets, cache)
     validate_new_files(written)
+    return written
+
+
+def export_prony(
+    model: FittedModel | Iterable[FittedModel] | str | os.PathLike,
+    folder: str | os.PathLike,
+    names: Iterable[str] | None = None,
+    *,
+    trained_on: str | None = None,
+    effect_files: Iterable[str | os.PathLike] = (),
+    settings: RuntimeSettings | None = None,
+) -> list[Path]:
+    """Write the relaxation of linear and quasi-linear models as Prony series for FEBio and Abaqus.
+
+    Parameters
+    ----------
+    model, names, trained_on, effect_files
+        See `export_fmu`.
+    folder : path
+        Folder of the written files.
+    settings : RuntimeSettings, optional
+        Models to export from a file, if it has several.
+
+    Returns
+    -------
+    list of pathlib.Path
+        ``<model>_febio.xml`` and ``<model>_abaqus.inp`` of each model.
+
+    Raises
+    ------
+    InputError
+        If a model does not exist or has no Prony series.
+
+    Examples
+    --------
+    >>> import lumbar
+    >>> from lumbar.twin.examples import example_records
+    >>> lumbar.export_prony(lumbar.refine(example_records(), []).model, "prony")
+    [PosixPath('prony/KB_febio.xml'), PosixPath('prony/KB_abaqus.inp')]
+    """
+    from lumbar.tissue.models.prony import prony_series
+
+    selected, _ = _select_models(model, settings or RuntimeSettings(), names, trained_on, effect_files)
+    written = []
+    for series in [prony_series(item) for item in selected]:
+        texts = {"febio.xml": series.febio(), "abaqus.inp": series.abaqus()}
+        for ending, text in texts.items():
+            written.append(Path(folder) / f"{series.model.name}_{ending}")
+            write_text(written[-1], text)
     return written
 
 

@@ -21,7 +21,7 @@ from lumbar.tissue.diagnosis.selection.candidate import (
 )
 from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisState, run
 from lumbar.tissue.diagnosis.selection.forward_selection import extend, select_effects
-from lumbar.tissue.diagnosis.selection.thresholds import TIED
+from lumbar.tissue.diagnosis.selection.thresholds import MOST_OF_REST, TIED
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, LENGTH, QUASI_LINEAR, Base
 from lumbar.tissue.models.form import Effect
 
@@ -68,7 +68,7 @@ def try_quasi_linear(state: DiagnosisState) -> DiagnosisState:
     """Choose a quasi-linear base if it explains more than the best linear base with effects; select effects again.
 
     Its elastic response must be nonlinear within the range of the records: else it is a spectrum of a linear base. One ramp may
-    not determine that response: if no such base is found, all records are fitted together.
+    not determine that response: if no such base leaves only noise, all records are fitted together.
     """
     step, result, settings = "try quasi-linear bases", state.result, state.settings
     if settings.base != CHOSEN_BY_DATA or settings.system != "tissue":
@@ -77,28 +77,38 @@ def try_quasi_linear(state: DiagnosisState) -> DiagnosisState:
         return state.next(step, "not needed: the model leaves only noise")
     experiment = result.experiment.shift_origin(result.experiment.rest[0])
     base = _best_quasi_linear(result.model, experiment)
-    if base is not None:
-        reason = _describe_gain(base, result.model, experiment)
-        return select_effects(state.next(step, reason, experiment=experiment, base=base, path=[base]))
-    names = [record.name for record in experiment.records]
-    if settings.train or not experiment.tests or result.model.fit.structure.base.contact:
+    if base is None or not is_adequate(base, experiment):
+        together = _fit_together(state)
+        if together is not None:
+            return select_effects(together)
+    if base is None:
         return state.next(step, "none explains the records better")
+    reason = _describe_gain(base, result.model, experiment)
+    return select_effects(state.next(step, reason, experiment=experiment, base=base, path=[base]))
+
+
+def _fit_together(state: DiagnosisState) -> DiagnosisState | None:
+    """Return the state with a quasi-linear base that, fitted to all records together, leaves only noise; None if none does."""
+    result, settings = state.result, state.settings
+    names, model = [record.name for record in result.experiment.records], result.model
+    if settings.train or len(names) < 2 or model.fit.structure.base.contact:
+        return None
     try:
         together = prepare(state.repaired[0], **{**settings.preparation, "train": names})
     except InputError:  # records of different rates
-        return state.next(step, "none explains the records better")
-    model = refit(result.model.fit.structure, result.model.fit.nonlinear, together)
+        return None
+    model = refit(model.fit.structure, model.fit.nonlinear, together)
     base = None if is_adequate(model, together) else _best_quasi_linear(model, together)
     if base is None or not is_adequate(base, together):
-        return state.next(step, "none explains the records better, by itself or fitted to all together")
+        return None
     sentence = (
-        f"{' and '.join(names)} were fitted together: {experiment.training.name} alone does not determine the nonlinear elastic "
+        f"{' and '.join(names)} were fitted together: {result.experiment.training.name} alone does not determine the elastic "
         f"response of {base.fit.structure.base.name}, with which one set of parameters describes all records."
     )
-    finding = Finding("trained_together", sentence, base.train_rms, experiment.output_unit)
+    finding = Finding("trained_together", sentence, base.train_rms, together.output_unit)
     changes = {"settings": replace(settings, train=names), "prepared": together, "experiment": together}
     reason = f"fitted to all together, {_describe_gain(base, model, together)}"
-    return select_effects(state.next(step, reason, finding, base=base, path=[base], **changes))
+    return state.next("try quasi-linear bases", reason, finding, base=base, path=[base], **changes)
 
 
 def _describe_gain(base: Candidate, model: Candidate, experiment: Experiment) -> str:
@@ -107,13 +117,13 @@ def _describe_gain(base: Candidate, model: Candidate, experiment: Experiment) ->
 
 
 def _best_quasi_linear(model: Candidate, experiment: Experiment) -> Candidate | None:
-    """Return the likeliest quasi-linear base that explains significantly more than a model and is nonlinear, or None."""
-    before = fit_base(BASES["KB"], experiment)
+    """Return the likeliest quasi-linear base that is nonlinear and leaves only noise or far less than a model, or None."""
+    largest = (1 - MOST_OF_REST) * max(model.test_rms**2 - experiment.noise**2, 0.0) + experiment.noise**2
     better = [
         item
         for item in (fit_base(BASES[name], experiment) for name in QUASI_LINEAR)
         if item.score < model.score - TIED
-        and is_worthwhile(before, model, item, experiment)
+        and (is_adequate(item, experiment) or item.test_rms**2 <= largest)
         and _is_curved(item, experiment)
     ]
     return min(better, key=lambda item: item.score, default=None)
