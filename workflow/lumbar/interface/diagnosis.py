@@ -291,7 +291,7 @@ class Diagnosis:
 
     def __repr__(self) -> str:
         base = self.result.base.fit.structure.base.name
-        return f"<Diagnosis of {base} on {len(self.records)} records: {self.result.status}>"
+        return f"<Diagnosis of {base} on {len(self.records)} records: {self.result.verdict}>"
 
     def _repr_html_(self) -> str:
         return self.to_html()

@@ -57,8 +57,8 @@ def refine(
     >>> from lumbar.twin.examples import example_records
     >>> refined = lumbar.refine(example_records(), ["coulomb_friction"])
     >>> print(str(refined).partition("Verdict")[0].rstrip())
-    KB: 0.2299 N in training, 0.2247 unseen
-    + coulomb_friction: 0.00989 N in training, 0.009904 unseen (-96 %)
+    KB: 0.2299 N in training, 0.2247 on unseen records
+    + coulomb_friction: 0.00989 N in training, 0.009904 on unseen records (-96 %)
     Noise floor: 0.0101 N (0.00961 to 0.0106) from 5 periods of 4 s.
     >>> f"{refined.model['coulomb_friction.coulomb_force'].value:.2f} N"
     '0.40 N'
@@ -182,7 +182,7 @@ class Refinement(Result):
             {
                 "model": refinement.model_name(item.fit),
                 f"training ({unit})": item.train_rms,
-                f"unseen ({unit})": item.test_rms,
+                f"{self.experiment.test_data} ({unit})": item.test_rms,
             }
             for item in self.path
         ]

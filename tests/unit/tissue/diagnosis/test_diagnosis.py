@@ -11,7 +11,9 @@ from periodic_records import multisine, noise, record
 from scipy.signal import lfilter
 
 import lumbar
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult, Status
 from pendulum_experiments import EFFECTS, make_pendulum_experiment, records_of
+from refusing import has_tokens
 
 
 @pytest.fixture(scope="module")
@@ -258,6 +260,29 @@ def test_held_back_part_of_record_continues_path():
     wear = {item.name: item for item in result.ranking[0].estimates}
     assert {"stiffness_lost", "share_lost"} & set(wear)  # of a spring alone they are the same
     assert wear["path_constant"].low < 150.0 < wear["path_constant"].high
+
+
+def test_one_record_does_not_claim_that_nothing_is_missing():
+    _time, position, _ = sines(6, 30.0, 0.02, 3.0, 0.0417)
+    force = 1.2 * position + 0.8 * branch(position, 0.3, 0.02)
+    diagnosis = lumbar.diagnose([sampled("only", 0.02, position, force, 0.02, 6)])
+    assert (diagnosis.status, diagnosis.result.experiment.is_split) == ("adequate", True)
+    assert has_tokens(diagnosis.headline, "last part of the record")
+    texts = " ".join([*diagnosis.sentences, *diagnosis.explain(), diagnosis.to_html()])
+    assert "unseen records" not in texts
+    assert "Nothing is missing" not in texts
+
+
+@pytest.mark.parametrize(
+    ("status", "after", "verdict"),
+    [
+        ("named", "unexplained", "named, incomplete"),
+        ("named", "adequate", "named"),
+        ("tied", "unexplained", "tied"),
+    ],
+)
+def test_named_effects_that_leave_more_are_incomplete(status, after, verdict):
+    assert DiagnosisResult(status=Status(status), refined_status=Status(after)).verdict == verdict
 
 
 STRENGTHS = (4.0, 8.0, 16.0)

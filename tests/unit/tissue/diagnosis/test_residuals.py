@@ -23,10 +23,11 @@ from lumbar.tissue.diagnosis.residuals.compare import (
 from lumbar.tissue.diagnosis.residuals.locate import Location, residual_after, residual_of
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import reversals
 from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
-from lumbar.tissue.diagnosis.residuals.time_frequency import mann_kendall_p
+from lumbar.tissue.diagnosis.residuals.time_frequency import mann_kendall_p, time_view
 from lumbar.tissue.identification.metrics import fit_ratio, mean_residual, variance_accounted_for
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.structure import Structure
+from refusing import has_tokens
 
 
 def aperiodic(size: int, sigma: float, seed: int, pole: float = 0.0):
@@ -162,6 +163,19 @@ def test_sizes_under_the_null(pole, repeating):
     rejected = {name: np.mean(np.array(values) < 0.05) for name, values in p_values.items()}
     assert max(rejected.values()) <= allowed, rejected
     assert accused / trials <= 0.05 + scatter
+
+
+def test_drift_of_the_mean_is_a_trend():
+    """The RMS of a straight drift about its middle falls and rises again: it has no trend."""
+    position, drift = noise(4000, 3, 0.97), np.linspace(-0.5, 0.5, 4000)
+    force = relaxing_force(position)
+    for added, is_drift in ((drift, True), (0 * drift, False)):
+        residual = residual_after(record(position, force + added + 0.05 * noise(4000, 4)), force)
+        assert has_tokens(time_view(residual).sentence, "mean drifts by +1") == is_drift
+    repeated = multisine(10, seed=4)
+    clean = relaxing_force(repeated)
+    test = record(repeated, clean + np.linspace(-0.5, 0.5, 5000) + 0.05 * noise(5000, 5))
+    assert has_tokens(time_view(residual_after(test, clean, noise_floor(test))).sentence, "mean drifts by +")
 
 
 def test_mann_kendall_agrees_with_kendalls_tau():

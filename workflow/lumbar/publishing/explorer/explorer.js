@@ -255,7 +255,7 @@ window.lumbar = (() => {
     const line = made("div", "", { class: "rung" });
     const name = before === null ? page.base : "+ " + readable(effects.slice(before.length));
     const noise = page.noise_rms === null ? "" : `, ${ofNoise(test_rms)} × noise`;
-    line.append(made("span", `${name}: ${digits(test_rms)} ${page.unit} unseen (${digits(train_rms)} in training${noise})`));
+    line.append(made("span", `${name}: ${digits(test_rms)} ${page.unit} on ${page.test_data} (${digits(train_rms)} in training${noise})`));
     if (number !== undefined) {
       const tools = made("span", "", { class: "tools" });
       const effect = effects[effects.length - 1];
@@ -318,7 +318,7 @@ window.lumbar = (() => {
     added = effects;
     const { label, test_rms } = page.models[keyOf(effects)];
     const left = missing.length === 0 ? "" : ` Not fitted in this diagnosis, so without a step: ${missing.map(readable).join("; ")}.`;
-    say(`${label}: error on unseen records ${digits(test_rms)} ${page.unit}.${left}`);
+    say(`${label}: error on ${page.test_data} ${digits(test_rms)} ${page.unit}.${left}`);
     element("second").value = keyOf(effects);
     ladder();
     show();

@@ -126,7 +126,8 @@ class ExplorerPage:
         return {
             "title": self.title,
             "data": self.source_label,
-            "verdict": verdict.status,
+            "verdict": verdict.verdict,
+            "tone": "tied" if verdict.is_incomplete else verdict.status,
             "headline": sentences.headline(verdict),
             "left": sentences.remaining_error(verdict) if verdict.selected else "",
             "findings": [item.sentence for item in verdict.findings],
@@ -162,6 +163,7 @@ class ExplorerPage:
         tied = [] if separation is None else [verdict.model, *verdict.tied_with]
         return {
             "unit": experiment.output_unit,
+            "test_data": experiment.test_data,
             "noise_rms": None if floor is None else floor.rms,
             "window_s": _INITIAL_WINDOW_S if floor is None else floor.period,
             "base": model_name(verdict.base.fit),
@@ -219,7 +221,7 @@ def confidence_sentences(diagnosis: DiagnosisResult, evidence: Evidence) -> list
             f"Probability of a gain as large as that of {effects} by chance: {chance}."
             if diagnosis.selected
             else f"The best candidate, {effects}, gains no more than chance would ({chance}; {LEVEL:g} is needed) "
-            "or does not lower the error on unseen records."
+            f"or does not lower the error on {diagnosis.experiment.test_data}."
         ]
     if diagnosis.status == Status.TIED:
         others = ", ".join(effects_text(item.effects) for item in diagnosis.tied_with)
@@ -228,7 +230,8 @@ def confidence_sentences(diagnosis: DiagnosisResult, evidence: Evidence) -> list
         second, unit = sentences.runner_up(diagnosis).candidate, diagnosis.experiment.output_unit
         error, other = distinguishing_digits([diagnosis.model.test_rms, second.test_rms], 3)
         lines.append(
-            f"The next best, {effects_text(second.effects)}, leaves {other} {unit} on unseen records instead of {error} {unit}."
+            f"The next best, {effects_text(second.effects)}, leaves {other} {unit} instead of {error} {unit} on "
+            f"{diagnosis.experiment.test_data}."
         )
     if evidence.separation is not None:
         lines.append(separation_sentence(evidence.separation, diagnosis))
@@ -256,7 +259,7 @@ def _card(item: Ranked, diagnosis: DiagnosisResult, catalogue: dict[str, Effect]
         "key": model_key(effects),
         "title": effects_text(effects).capitalize(),
         "role": candidate_role(item, diagnosis),
-        "error": f"Error on unseen records: {before} → {after} {unit}; {probability(item.p_value)}.",
+        "error": f"Error on {diagnosis.experiment.test_data}: {before} → {after} {unit}; {probability(item.p_value)}.",
         "mechanism": " ".join(f"{effect.mechanism} {effect.sensors}".rstrip() for effect in new),
         "settles": "; ".join(effect.experiment for effect in new) if is_tied else "",
         "effects": effects,

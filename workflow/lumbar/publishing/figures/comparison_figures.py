@@ -7,6 +7,7 @@ from string import ascii_lowercase
 import numpy as np
 from matplotlib.figure import Figure
 
+from lumbar.base.formats import plain_number
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
     MEASURED,
@@ -125,7 +126,9 @@ def _draw_shares(axis, comparisons: list[Comparison]) -> None:
         axis.bar(places, left, 0.55, label="noise and error of the model", **_NOISE_STYLE)
     axis.errorbar(places, left, bars, fmt="none", color="black", capsize=2, linewidth=0.8)
     for place, item, top in zip(places, comparisons, high, strict=True):
-        note(axis, f"VAF\n{item.vaf.value:.4g} %", (place, top), (0, 3), ha="center", fontsize=6.5)
+        note(
+            axis, f"VAF\n{plain_number(item.vaf.value, 4)} %", (place, top), (0, 3), ha="center", fontsize=6.5
+        )
     axis.set_xlim(-0.6, len(comparisons) - 0.4)
     axis.set_xticks(places, [item.record.replace("_", " ") for item in comparisons])
     if max(len(item.record) for item in comparisons) * len(comparisons) > 30:
@@ -145,7 +148,7 @@ def ladder_figure(path: Sequence[Candidate], experiment: Experiment) -> Figure:
     figure, axes = new_figure(SINGLE_COLUMN, 2.6)
     train, test = [item.train_rms for item in path], [item.test_rms for item in path]
     floor = None if experiment.floor is None else experiment.floor.rms
-    errors = {"training record": train, "unseen records": test}
+    errors = {"training record": train, experiment.test_data: test}
     draw_error_bars(axes, errors, distinguishing_digits(train, 2) + distinguishing_digits(test, 2), floor)
     shown = [*train, *test, *([floor] if floor else [])]
     smallest, largest = min(shown), max(shown)

@@ -25,7 +25,7 @@ def diagnosis_page(
 
     `diagnosis` has status and base, `headline` is the verdict, `sections` are by title, `source_label` is the data's origin.
     """
-    blocks = [html.paragraph(f"Verdict: {diagnosis.status}"), html.paragraph(headline, "headline")]
+    blocks = [html.paragraph(f"Verdict: {diagnosis.verdict}"), html.paragraph(headline, "headline")]
     for title, section in sections.items():
         blocks += [html.heading(title), *section]
     title = f"Diagnosis of the {diagnosis.base.fit.structure.base.name} model"
@@ -44,7 +44,9 @@ def evidence_sections(
     """
     floor, after = diagnosis.experiment.floor, diagnosis.model.test_rms
     noise = f"{after / floor.rms:.3g} times the noise floor" if floor else "the share of noise is unknown"
-    remaining = f"Error on unseen records: {after:.4g} {diagnosis.experiment.output_unit}; {noise}."
+    remaining = (
+        f"Error on {diagnosis.experiment.test_data}: {after:.4g} {diagnosis.experiment.output_unit}; {noise}."
+    )
     headlines = html.listing(item.location.headline for item in evidence.remaining)
     sections = {
         "Result in full": [html.paragraph(line) for line in sentences.details(diagnosis, catalogue)],
@@ -78,13 +80,14 @@ def _errors(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]:
         p_value = probability(item.p_value).removeprefix("p = ").removeprefix("p ")
         name = effects_text(item.candidate.effects)
         rows.append(row(name, item.candidate, candidate_role(item, diagnosis), p_value))
-    errors = (f"training ({unit})", f"unseen ({unit})", "unseen / noise")
+    errors = (f"training ({unit})", f"{experiment.test_data} ({unit})", f"{experiment.test_data} / noise")
     head = ("effects added", "role", "form", *errors, "p", "converged")
     noise = "unknown" if floor is None else f"{floor.rms:.4g} {unit} ({floor.low:.4g} to {floor.high:.4g})"
     error = "error" if experiment.points else "free-run simulation error, without the start of each record"
     tests = ", ".join(item.name for item in experiment.tests)
+    unseen = f"tested on {experiment.test_data}" if experiment.is_split else f"unseen: {tests}"
     text = (
-        f"Root mean square of the {error}. Fitted on {experiment.training.name}; unseen: {tests}. Noise floor: {noise}. "
+        f"Root mean square of the {error}. Fitted on {experiment.training.name}; {unseen}. Noise floor: {noise}. "
         "Each set of effects is refitted together with the base; the ranking is by the likelihood of all records."
     )
     blocks = [html.paragraph(text), html.table(head, rows)]
@@ -109,14 +112,15 @@ def _false_alarm(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]
     if diagnosis.experiment.points:
         text = (
             "p is the share of cases without a missing effect in which the best of all forms gains at least as much (F test, "
-            f"times their number). A selected effect needs {percent} % or less, and a significantly smaller unseen error."
+            f"times their number). A selected effect needs {percent} % or less, and a significantly smaller error on "
+            f"{diagnosis.experiment.test_data}."
         )
         return [html.paragraph(text)]
     chance = (
         "The best of all candidates improves the fit even if nothing is missing. In "
         f"{len(evidence.null.ratios)} simulated experiments of the base only, refitted each time, twice the logarithm of "
         f"the likelihood rose by more than {evidence.threshold:.3g} in {percent} % (for the number of forms tried here). "
-        "A selected effect needs more than that, and a smaller error on unseen records."
+        f"A selected effect needs more than that, and a smaller error on {diagnosis.experiment.test_data}."
     )
     if diagnosis.selected:
         gain = likelihood_ratio(diagnosis.base, diagnosis.model, diagnosis.experiment)

@@ -113,7 +113,9 @@ def _draw_errors(axis, proposal: Proposal) -> None:
     floor = proposal.experiment.floor
     train, test = [item.train_rms for _, item in rows], [item.test_rms for _, item in rows]
     texts = [f"{value:#.2g}" for value in [*train, *test]]
-    draw_error_bars(axis, {"training": train, "unseen": test}, texts, floor and floor.rms)
+    draw_error_bars(
+        axis, {"training": train, proposal.experiment.test_data: test}, texts, floor and floor.rms
+    )
     axis.set_ylim(0, 1.35 * axis.get_ylim()[1])
     axis.set_xticks(range(len(rows)), [name.replace(" ", "\n", 1) for name, _ in rows])
     axis.set_ylabel(f"RMS of the simulation error ({proposal.experiment.output_unit})")
@@ -213,7 +215,7 @@ def draw_pictures(
         "comparison": f"The {base.name} model with {whole.record.name}, the record it explains least, and what it leaves "
         "of every record.",
         "location": f"Where the {base.name} model fails on {trained.record.name}. {location}",
-        "ladder": "Error on training and unseen records, effect by effect, down to the noise floor.",
+        "ladder": f"Error in training and on {diagnosis.experiment.test_data}, effect by effect, down to the noise floor.",
         "signatures": "Signature of the selected effects and of the runner-up, each in its first form on a standard motion: "
         "force over position, added force at two rates and over time; arbitrary units.",
         "proposed_law": "The missing force over the position at three speeds, the proposed law (lines), and the "

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
+from lumbar.base.formats import plain_number
 from lumbar.base.templates import template
 from lumbar.tissue.diagnosis.residuals.locate import (
     ResidualReport,
@@ -92,7 +93,10 @@ def comparison_blocks(simulated: list[ResidualReport]) -> list[str]:
     rows = []
     for item in (report.comparison for report in simulated):
         merits = (item.vaf, item.fit, item.rms)
-        errors = (f"{one.value:.4g} ({one.low:.4g} to {one.high:.4g})" for one in merits)
+        errors = (
+            f"{plain_number(one.value, 4)} ({plain_number(one.low, 4)} to {plain_number(one.high, 4)})"
+            for one in merits
+        )
         noise = ("unknown", "unknown")
         if item.floor is not None:
             noise = (f"{item.floor.rms:.4g}", f"{item.explainable_rms:.4g}")

@@ -218,8 +218,9 @@ def diagnosis_sentence(diagnosis: dict) -> str:
         return diagnosis["headline"]
     base, selected = diagnosis["base"], diagnosis["selected"]
     effects = " and ".join(name.replace("_", " ") for name in selected) or "no effect"
+    more = "" if diagnosis.get("verdict_after", "adequate") == "adequate" else " and more (named, incomplete)"
     sentence = {
-        "named": f"The {base} model is missing {effects}.",
+        "named": f"The {base} model is missing {effects}{more}.",
         "tied": f"The {base} model is missing {effects}, or what these records cannot tell from it.",
         "unexplained": f"What the {base} model leaves is unexplained; {effects} comes nearest.",
         "adequate": f"Nothing is missing from the {base} model, as far as these records tell.",
@@ -230,7 +231,9 @@ def diagnosis_sentence(diagnosis: dict) -> str:
     unit, floor = unit_in_print(diagnosis["unit"]), diagnosis["noise_floor_rms"]
     with_effects = f" {unit} without and {last:.3g} {unit} with the effects" if selected else f" {unit}"
     noise = "" if floor is None else f"; noise floor {floor:.3g} {unit}"
-    return f"{sentence} Error on unseen records (RMS): {first:.3g}{with_effects}{noise}."
+    is_split = [*diagnosis["ladder"][0].get("unseen_rms", ())] == [diagnosis["train"]]
+    data = "the last part of the record" if is_split else "unseen records"
+    return f"{sentence} Error on {data} (RMS): {first:.3g}{with_effects}{noise}."
 
 
 CLAIM_ARTEFACTS = {

@@ -179,6 +179,18 @@ class Experiment:
         return self.training.size + sum(item.size for item in self.tests)
 
     @property
+    def is_split(self) -> bool:
+        """True if the tests are parts of the training records, because there is no other record."""
+        return {item.name for item in self.tests} <= {item.name for item in self.training.records}
+
+    @property
+    def test_data(self) -> str:
+        """Name of the data that no fit uses, for sentences on errors."""
+        if not self.is_split:
+            return "unseen records"
+        return "the points held back" if self.points else "the last part of the record"
+
+    @property
     def noise(self) -> float:
         """RMS of the noise floor; 0 if the floor is unknown."""
         return 0.0 if self.floor is None else self.floor.rms

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
+from lumbar.base.formats import plural
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, add, from_log_ratio
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
@@ -138,7 +139,7 @@ def _to_base(dynamics: LinearDynamics) -> Base:
     rates += [(f"rate_{number + 1}", "1/s") for number in range(len(poles.rates))]
     form = Form(
         name=f"linear-{poles.order}",
-        equation=rf"\text{{linear dynamics of {poles.order} poles}}",
+        equation=rf"\text{{linear dynamics of {plural(poles.order, 'pole')}}}",
         place=Place.PARALLEL,
         linear=tuple(
             LinearParameter(name, unit, 0, symbol=f"c{index}") for index, (name, unit) in enumerate(gains)

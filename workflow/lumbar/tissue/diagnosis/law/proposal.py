@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lumbar.base.formats import percent
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
@@ -120,7 +121,8 @@ class Proposal:
         unit, floor, before = self.experiment.output_unit, self.experiment.floor, self.before
         noise = "" if floor is None else f", noise floor {floor.rms:.3g} {unit}"
         base = before.fit.structure.base.name
-        name, unseen = "+".join([base, *before.effects]), f"unseen error {before.test_rms:.3g} {unit}{noise}"
+        name, tested = "+".join([base, *before.effects]), f"error on {self.experiment.test_data}"
+        unseen = f"{tested} {before.test_rms:.3g} {unit}{noise}"
         if not self.is_needed:
             return [f"No law is needed: {name} leaves only noise ({unseen})."]
         if self.law is None:
@@ -132,8 +134,8 @@ class Proposal:
         states = "".join(f", d{symbol}/dt = {rate}" for symbol, rate in self.form.state)
         return [
             f"Proposed for {'+'.join([base, *self.start.effects])}: F = {self.form.equation}{states} ({self.meaning}); {MARK}.",
-            f"The unseen error falls from {before.test_rms:.3g} to {self.law.candidate.test_rms:.3g} {unit}{noise}; "
-            f"{100 * self.share_removed:.0f} % of the explainable error is removed on unseen seconds that no choice has used "
+            f"The {tested} falls from {before.test_rms:.3g} to {self.law.candidate.test_rms:.3g} {unit}{noise}; "
+            f"{percent(self.share_removed)} of the explainable error is removed on unseen seconds that no choice has used "
             f"({self.certainty:.1f} standard errors).",
             f"It was found for {self.validity}.",
         ]
@@ -218,9 +220,7 @@ def _failed_test(law: Law, experiment: Experiment, share: float, certainty: floa
     if certainty <= CONFIRMED:
         return f"it is not significantly better on unseen records ({certainty:.1f} standard errors)"
     if share < MIN_SHARE:
-        return (
-            f"it removes {100 * share:.0f} % of what is missing on unseen records, less than three quarters"
-        )
+        return f"it removes {percent(share)} of what is missing on unseen records, less than three quarters"
     if not law_validation.stays_bounded(law.fit, experiment):
         return f"its force runs away on motions {law_validation.STRETCH:g} times as large or as fast"
     if "time" not in knows(law.terms) and not law_validation.is_dissipative(law.fit, experiment.training):

@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 import scipy
 
+from lumbar.base.formats import plural
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.effects.catalogue import read_model_bases
 from lumbar.tissue.models.bases import Base
@@ -238,7 +239,7 @@ def linear_base(poles: Poles, held: bool) -> Base | None:
         }
     definition = {
         "name": _NAME,
-        "mechanism": f"Linear dynamics of {poles.order} poles, without names.",
+        "mechanism": f"Linear dynamics of {plural(poles.order, 'pole')}, without names.",
         "equation": " + ".join(terms),
         "state": states,
         "parameters": parameters,

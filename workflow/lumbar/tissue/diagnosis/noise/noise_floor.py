@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 import scipy
 
+from lumbar.base.formats import percent
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.noise.nonrepeating import (
     AMPLITUDE,
@@ -278,8 +279,8 @@ def _describe_structure(
             text = f"drift: the level changes by {level[-1] - level[0]:+.3g} {unit} from period 2 to period {last}"
         elif part.kind == AMPLITUDE:
             response = mean_period - mean_period.mean()
-            gain = 100 * (part.values @ response) / np.sum(response**2)
-            text = f"amplitude change: {gain[-1] - gain[0]:+.3g} % from period 2 to period {last}"
+            gain = part.values @ response / np.sum(response**2)
+            text = f"amplitude change: {percent(gain[-1] - gain[0])} from period 2 to period {last}"
         elif part.kind == LINE:
             harmonics = f" with harmonics up to the {part.harmonics}th" if part.harmonics > 1 else ""
             frequency = part.frequency / record.sampling_time
@@ -291,8 +292,8 @@ def _describe_structure(
             text = single if is_single else "other change over the periods"
         described.append((text, part.rms(variance)))
     if bursts is not None:
-        share = 100 * (1 - bursts.quiet.mean())
-        text = f"bursts: {share:.2g} % of the period, always the same places, in which the force drops or slips by other amounts"
+        share = percent(1 - bursts.quiet.mean())
+        text = f"bursts: {share} of the period, always the same places, in which the force drops or slips by other amounts"
         described.append((text, bursts.rms))
     return tuple(sorted(described, key=lambda item: -item[1]))
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.base.formats import percent
 from lumbar.records.record import Record
 
 REPEATS_WITHIN = 0.02
@@ -111,8 +112,8 @@ def fold_periods(record: Record, period: float) -> Folding:
     periods = int(size / length + _MISSING_END)
     if periods < MIN_PERIODS:
         raise InputError(
-            f"{name}: {record.duration:g} s are {size / length:.3g} periods of {period:g} s; at least {MIN_PERIODS} are needed, "
-            f"better {MIN_FULL_PERIODS}, of which the first is the transient: record for longer, or leave the period out"
+            f"{name}: {record.duration:g} s are {size / length:.3g} times {period:g} s; at least {MIN_PERIODS} periods are "
+            f"needed, better {MIN_FULL_PERIODS}, of which the first is the transient: record for longer, or leave the period out"
         )
     samples = round(length)
     starts = size - np.round(length * np.arange(max(periods - 1, MIN_PERIODS), 0, -1)).astype(int)
@@ -121,7 +122,7 @@ def fold_periods(record: Record, period: float) -> Folding:
     difference = folding.difference(record["input"])
     if difference > MAX_DIFFERENCE:
         raise InputError(
-            f"{name}: the input does not repeat after {period:g} s, its periods differ by {100 * difference:.2g} % of its RMS: "
+            f"{name}: the input does not repeat after {period:g} s, its periods differ by {percent(difference)} of its RMS: "
             "correct the period, leave it out, or keep only the cycles that repeat (lumbar import --trim START:STOP)"
         )
     return folding

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
+from lumbar.base.formats import percent, plain_number
 from lumbar.records.record import Record
 from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance
@@ -82,8 +83,8 @@ class Comparison:
         """The comparison in one sentence."""
         vaf, rms, unit = self.vaf, self.rms.value, self.unit
         explained = (
-            f"{self.record}: the model explains {vaf.value:.4g} % of the output's variance ({vaf.low:.4g} to {vaf.high:.4g} %); "
-            f"its error is {rms:.3g} {unit} RMS"
+            f"{self.record}: the model explains {plain_number(vaf.value, 4)} % of the output's variance "
+            f"({plain_number(vaf.low, 4)} to {plain_number(vaf.high, 4)} %); its error is {rms:.3g} {unit} RMS"
         )
         if self.floor is None:
             return f"{explained}; no record repeats, so how much of it is noise is unknown."
@@ -91,7 +92,7 @@ class Comparison:
             return f"{explained}, no more than the noise of {self.floor.rms:.3g} {unit}."
         return (
             f"{explained}, with {self.floor.rms:.3g} {unit} of noise: a better model could explain {self.explainable_rms:.3g} "
-            f"{unit}, {self.explainable_percent:.2g} % of the variance."
+            f"{unit}, {percent(self.explainable_percent / 100)} of the variance."
         )
 
 

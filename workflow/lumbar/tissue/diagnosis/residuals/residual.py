@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 import scipy
 
+from lumbar.base.formats import percent
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance, prediction_error_filter
 from lumbar.tissue.diagnosis.noise.periods import Folding
 
@@ -234,13 +235,6 @@ class View:
     """Columns of equal length, for views that are drawn."""
     numbers: dict = field(default_factory=dict)
     """Numbers in the sentence, by name."""
-
-
-def percent(share: float) -> str:
-    """Format a share in percent."""
-    if 0 < share < 0.001:
-        return "less than 0.1 %"
-    return f"{100 * share:.2g} %" if share < 0.095 else f"{100 * share:.0f} %"
 
 
 def format_share(share: float) -> str:

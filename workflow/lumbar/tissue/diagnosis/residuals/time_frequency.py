@@ -5,10 +5,13 @@ from itertools import pairwise
 import numpy as np
 import scipy
 
+from lumbar.base.formats import plural
 from lumbar.tissue.diagnosis.noise.nonrepeating import excess, remove_structure
 from lumbar.tissue.diagnosis.residuals.residual import SIGNIFICANT, Residual, View, percent, probability
 
 _WINDOWS = 10
+_TREND = 0.05
+"""Level of significance of a trend of the RMS."""
 _MIN_CYCLE_SHARE = 0.5
 """Share of a window below which the rest of the record belongs to the window before."""
 EXCITED, EVEN, ODD = "excited lines", "even lines", "odd lines left out"
@@ -41,9 +44,13 @@ def time_view(residual: Residual) -> View:
     table = {"start": residual.time[edges], "stop": residual.time[stops], "rms": rms}
     table |= {"mean": average.mean, "deviation": average.deviation}
     unit, word = residual.unit, "window" if residual.folding is None else "period"
-    trend = "no trend" if rms_p > 0.05 else "rising" if rms[-1] > rms[0] else "falling"
-    spread = f"RMS from {rms.min():.3g} to {rms.max():.3g} {unit} over {count} {word}{'s' * (count != 1)}"
-    spread = f"{spread}, {trend} ({probability(rms_p)})"
+    drift_p = min(1.0, 2 * min(slope_p, mann_kendall_p(average.mean)))
+    is_drift = drift_p < SIGNIFICANT
+    size = "without a significant trend" if rms_p > _TREND else "rising" if rms[-1] > rms[0] else "falling"
+    spread = f"RMS from {rms.min():.3g} to {rms.max():.3g} {unit} over {plural(count, word)}, {size}"
+    if is_drift:
+        change = slope * (residual.time[-1] - residual.time[0])
+        spread += f"; the mean drifts by {change:+.3g} {unit} over the record ({probability(drift_p)})"
     if residual.folding is None:
         level = "the mean error of the windows is within chance"
         if average.p_value < SIGNIFICANT:
@@ -57,13 +64,11 @@ def time_view(residual: Residual) -> View:
         return View("time", average.significant_share, average.p_value, sentence, table)
     share, p_value = _not_repeating(residual)
     if p_value >= SIGNIFICANT:
-        sentence = f"Along time: the error repeats with the input; {spread}. Nothing depends on time alone."
+        sentence = f"Along time: the error repeats with the input; {spread}."
+        sentence += "" if is_drift else " Nothing depends on time alone."
         return View("time", 0.0, p_value, sentence, table)
-    level, change = "", slope * (residual.time[-1] - residual.time[0])
-    if slope_p < SIGNIFICANT:
-        level = f", its level changes by {change:+.3g} {unit} over the record"
     sentence = (
-        f"Along time: {percent(share)} of the {residual.error_name} does not repeat with the input{level}; {spread}. This part "
+        f"Along time: {percent(share)} of the {residual.error_name} does not repeat with the input; {spread}. This part "
         "depends on time or history: a drift, a changing stiffness, or a disturbance at another frequency."
     )
     return View("time", share, p_value, sentence, table)
@@ -172,9 +177,7 @@ def _quartiles(power: np.ndarray, frequency: np.ndarray) -> tuple[float, float]:
 
 
 def _line_sentence(residual: Residual, shares, p_values, excited, classes, excess) -> str:
-    on_excited = (
-        f"{percent(shares[EXCITED])} of the {residual.error_name} is on the {len(excited)} excited lines"
-    )
+    on_excited = f"{percent(shares[EXCITED])} of the {residual.error_name} is on the {plural(len(excited), 'excited line')}"
     if not np.all(excited % 2 == 1):
         offset, above = shares.get(BELOW, 0.0), shares.get(ABOVE, 0.0)
         steady = f", {percent(offset)} is a constant offset or below them" if offset > 0.01 else ""

@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from lumbar.base.formats import plural
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base as fit_structure
@@ -70,7 +71,7 @@ def compare_zeros(state: DiagnosisState) -> DiagnosisState:
         < _OWN_ZERO_ERROR_RATIO * item.test_rms
         for item in result.path
     ):
-        reason = "one zero serves all records: others hardly lower the error on unseen records"
+        reason = f"one zero serves all records: others hardly lower the error on {experiment.test_data}"
         return state.next(step, reason)
     reason = "base and effects are searched again with one zero per record"
     again = run((*SEARCH, find_ties), state.next(step, reason, experiment=with_zeros, status=None))
@@ -258,7 +259,8 @@ def apparent_zeros(result: DiagnosisResult) -> Finding | None:
         return None
     listed = ", ".join(f"{item.name} {item.zero:+.3g} (begins at {item.start:+.3g})" for item in zeros)
     sentence = (
-        f"With a separate zero for every record the error on unseen records would be {result.model.test_rms:.3g} {unit}: "
+        f"With a separate zero for every record the error on {result.experiment.test_data} would be "
+        f"{result.model.test_rms:.3g} {unit}: "
         f"{listed}, in {result.experiment.training.name} {zero:+.3g} {unit}. The records do not begin there, so these may not be "
         "zeros of the sensor: a relaxation or a force that depends on rate or amplitude, which the model lacks, would look the "
         "same; all records are judged from one zero."
@@ -285,12 +287,12 @@ def linear_alternative(model: Candidate, experiment: Experiment) -> tuple[Candid
         return None
     kind = {
         "prony": "a spectrum of relaxation times",
-        "rational": f"{order} poles" if order else "of spring, dashpot and mass alone",
-        "delayed": f"{order} poles behind a delay",
+        "rational": plural(order, "pole") if order else "of spring, dashpot and mass alone",
+        "delayed": f"{plural(order, 'pole')} behind a delay",
     }[linear.fit.kind]
     sentence = (
-        f"Linear dynamics ({kind}) explain these records better than the selected effects: their error on unseen records is "
-        f"{linear.test_rms:.3g} {unit}, that of the refined model {model.test_rms:.3g} {unit}."
+        f"Linear dynamics ({kind}) explain these records better than the selected effects: their error on "
+        f"{experiment.test_data} is {linear.test_rms:.3g} {unit}, that of the refined model {model.test_rms:.3g} {unit}."
     )
     return linear, Finding("higher_order_linear", sentence, float(order), "1")
 
@@ -342,10 +344,10 @@ def force_leads(model: Candidate, experiment: Experiment, linear: set[str]) -> F
     lead_only = effects_text([best.fit.structure.base.name, *(form.effect for form in others)])
     sentence = (
         f"The {experiment.output_quantity} leads the {position} by {lead:.3g} ms (95 % interval {low:.3g} to {high:.3g}): with "
-        f"only this lead added to {lead_only}, the error on unseen records is {best.test_rms:.4g} {unit}, that of the selected "
-        f"model {rival.test_rms:.4g} {unit}. No tissue responds before it is moved: the clocks of the channels differ, or the "
-        f"{position} is delayed by its sensor or filter; put both channels on one clock and diagnose again, because selected "
-        "dashpots, masses and branches may only replace the lead."
+        f"only this lead added to {lead_only}, the error on {experiment.test_data} is {best.test_rms:.4g} {unit}, that of the "
+        f"selected model {rival.test_rms:.4g} {unit}. No tissue responds before it is moved: the clocks of the channels differ, "
+        f"or the {position} is delayed by its sensor or filter; put both channels on one clock and diagnose again, because "
+        "selected dashpots, masses and branches may only replace the lead."
     )
     return Finding("force_leads", sentence, lead / 1e3, "s")
 

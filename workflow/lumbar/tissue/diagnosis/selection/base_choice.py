@@ -47,7 +47,7 @@ def choose_base(state: DiagnosisState) -> DiagnosisState:
     """Choose the base that the settings name, or the base that explains all records best."""
     experiment, base = find_base(state.result.experiment, state.settings.base, state.settings.candidates)
     unit, name = experiment.output_unit, base.fit.structure.base.name
-    reason = f"{name}: error {base.train_rms:.4g} {unit} in training, {base.test_rms:.4g} {unit} unseen"
+    reason = f"{name}: error {base.train_rms:.4g} {unit} in training, {base.test_rms:.4g} {unit} on {experiment.test_data}"
     return state.next("choose the base", reason, experiment=experiment, base=base, path=[base])
 
 

@@ -144,6 +144,16 @@ class DiagnosisResult:
         return changed[-1] if changed else None
 
     @property
+    def is_incomplete(self) -> bool:
+        """True if effects are named, but more is missing."""
+        return self.status == Status.NAMED and self.refined_status != Status.ADEQUATE
+
+    @property
+    def verdict(self) -> str:
+        """Status for readers: named effects that leave more than noise are incomplete."""
+        return f"{self.status}, incomplete" if self.is_incomplete else str(self.status)
+
+    @property
     def complete(self) -> bool | None:
         """True if the status of the refined model is ``adequate``; None if the noise floor is unknown."""
         return None if self.experiment.floor is None else self.refined_status == Status.ADEQUATE

@@ -9,11 +9,13 @@ from functools import cached_property
 
 import numpy as np
 
+from lumbar.base.formats import percent
 from lumbar.base.progress import track
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit, screen
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
+from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection import thresholds
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
@@ -334,13 +336,14 @@ def after_selection(
     reason = "no effect passes"
     if model.effects:
         errors = f"from {base.test_rms:.4g} to {model.test_rms:.4g} {unit}"
-        reason = f"selected: {' and '.join(model.effects)}; the error on unseen records falls {errors}"
+        reason = (
+            f"selected: {' and '.join(model.effects)}; the error on {experiment.test_data} falls {errors}"
+        )
     elif selection.tried:
         best = min(selection.tried, key=lambda item: item.score)
-        chance = f"p = {selection.p_value(base, best):.2g}, at most {thresholds.LEVEL:g} is needed"
-        reason += (
-            f"; the best, {' and '.join(best.effects)}, leaves {best.test_rms:.4g} {unit} unseen ({chance})"
-        )
+        chance = f"{probability(selection.p_value(base, best))}, at most {thresholds.LEVEL:g} is needed"
+        error = f"{best.test_rms:.4g} {unit} on {experiment.test_data}"
+        reason += f"; the best, {' and '.join(best.effects)}, leaves {error} ({chance})"
     return state.next(step, reason, **changes)
 
 
@@ -353,7 +356,7 @@ def find_ties(state: DiagnosisState) -> DiagnosisState:
     likely = f"as likely: {others}" if others else "no other set of effects is as likely"
     return state.next(
         "find ties",
-        f"{100 * share:.3g} % of what a model could explain is removed; {likely}",
+        f"{percent(share)} of what a model could explain is removed; {likely}",
         status=status,
         refined_status=status if model is selection.base else selection.refined_status(model, further),
         tied_with=tied,

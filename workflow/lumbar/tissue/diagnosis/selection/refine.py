@@ -201,7 +201,7 @@ def ladder_sentences(path: Sequence[Candidate], experiment: Experiment) -> list[
         change = 100 * (after.test_rms / before.test_rms - 1)
         changes.append(f" ({change:+.2g} %)" if abs(change) < 10 else f" ({change:+.0f} %)")
     lines = [
-        f"{name}: {trained} {unit} in training, {other} unseen{change}"
+        f"{name}: {trained} {unit} in training, {other} on {experiment.test_data}{change}"
         for name, trained, other, change in zip(names, training, unseen, changes, strict=True)
     ]
     still = "still " if model.effects else ""

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 
+from lumbar.base.formats import percent, plain_number
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.selection.candidate import contradictions, is_adequate
@@ -32,14 +33,9 @@ def distinguishing_digits(values: Sequence[float], fewest: int) -> list[str]:
     >>> distinguishing_digits([8700.0, 1796.0], 3)
     ['8700', '1800']
     """
-
-    def written(value: float, digits: int) -> str:
-        rounded = float(f"{value:.{digits}g}")  # thousands without an exponent
-        return f"{rounded:.0f}" if 10.0**digits <= abs(rounded) < 1e6 else f"{value:.{digits}g}"
-
     wanted = sum(f"{a:.{_MAX_DIGITS}g}" != f"{b:.{_MAX_DIGITS}g}" for a, b in pairwise(values))
     for digits in range(fewest, _MAX_DIGITS + 1):
-        texts = [written(value, digits) for value in values]
+        texts = [plain_number(value, digits) for value in values]
         if sum(a != b for a, b in pairwise(texts)) == wanted:
             break
     return texts
@@ -58,16 +54,17 @@ def effects_text(names) -> str:
 
 def headline(result: DiagnosisResult) -> str:
     """Return the result in one sentence."""
-    unit, base = result.experiment.output_unit, result.base.fit.structure.base.name
+    base = result.base.fit.structure.base.name
     before, after = result.base.test_rms, result.model.test_rms
     named, fall = effects_text(result.selected), error_falls(result)
     if result.orientation is not None:
         return f"These records are not what the {base} model takes. {result.orientation.sentence}"
     if result.status == Status.ADEQUATE:
-        return f"Nothing is missing: the {base} model leaves only noise ({before:.3g} {unit}), as far as these records show."
+        return _adequate_headline(result)
     if result.status == Status.NAMED:
         added = "it" if len(result.selected) == 1 else "them"
-        return f"The {base} model is missing {named}: with {added} {fall}."
+        more = " and more (named, incomplete)" if result.is_incomplete else ""
+        return f"The {base} model is missing {named}{more}: with {added} {fall}."
     if result.status == Status.TIED:
         others = ", ".join(effects_text(item.effects) for item in result.tied_with)
         return (
@@ -77,10 +74,20 @@ def headline(result: DiagnosisResult) -> str:
     if not result.selected:
         return f"{missing}."
     s = "s" * (len(result.selected) == 1)
-    removed = f"remove{s} {_percent(1 - after / before)} of the error on unseen records."
+    removed = f"remove{s} {percent(1 - after / before)} of the error on {result.experiment.test_data}."
     if result.explainable_share_removed < EXPLAINS:
         return f"{missing}; it looks a little like {named}, which {removed}"
     return f"{missing}; {named}, which come{s} nearest, {removed}"
+
+
+def _adequate_headline(result: DiagnosisResult) -> str:
+    """Return the headline of a base without missing effects; one record by itself cannot show that nothing is missing."""
+    experiment, base = result.experiment, result.base.fit.structure.base.name
+    left = "only noise" if experiment.floor is not None else "an error that no effect lowers significantly"
+    left = f"the {base} model leaves {left} ({result.base.test_rms:.3g} {experiment.output_unit})"
+    if experiment.is_split:
+        return f"No missing effect is visible: {left} on {experiment.test_data}. Another motion would test the model."
+    return f"Nothing is missing: {left}, as far as these records show."
 
 
 def explain(result: DiagnosisResult) -> list[str]:
@@ -96,13 +103,8 @@ def error_falls(result: DiagnosisResult) -> str:
     """Report by how much the error on unseen records falls with the selected effects."""
     before, after = result.base.test_rms, result.model.test_rms
     first, last = distinguishing_digits([before, after], 3)
-    share, unit = _percent(1 - after / before), result.experiment.output_unit
-    return f"the error on unseen records falls by {share}, from {first} to {last} {unit}"
-
-
-def _percent(share: float) -> str:
-    """Format a share in percent, with a decimal if it is near 0 or 1."""
-    return f"{100 * share:.{1 if share > 0.99 or share < 0.1 else 0}f} %"
+    share, unit = percent(1 - after / before), result.experiment.output_unit
+    return f"the error on {result.experiment.test_data} falls by {share}, from {first} to {last} {unit}"
 
 
 def noise_sentence(experiment: Experiment) -> str:
@@ -159,7 +161,7 @@ def details(result: DiagnosisResult, catalogue: dict[str, Effect]) -> list[str]:
     unseen = model.unseen_rms
     if max(unseen.values()) > _LISTED_ERROR_RATIO * min(unseen.values()):
         listed = ", ".join(f"{name} {rms:.3g}" for name, rms in unseen.items())
-        lines.append(f"Error on unseen records, one by one: {listed} {unit}.")
+        lines.append(f"Error on {result.experiment.test_data}, one by one: {listed} {unit}.")
     if result.status in (Status.NAMED, Status.TIED):
         lines += [
             f"{readable(name).capitalize()}: {catalogue[name].mechanism} {catalogue[name].sensors}".rstrip()
@@ -187,28 +189,29 @@ def not_tried(result: DiagnosisResult) -> list[str]:
 
 def _runner_up_sentence(result: DiagnosisResult, second: Ranked) -> str:
     """Report the best set of effects that was not selected, and the reason if the base is adequate."""
-    rms, base = second.candidate.test_rms, result.base
-    error = f"{effects_text(second.candidate.effects)}, error on unseen records {rms:.3g} {result.experiment.output_unit}"
-    if rms > base.test_rms:
-        error += f", worse than {base.fit.structure.base.name} by itself ({base.test_rms:.3g})"
+    base, data, unit = result.base, result.experiment.test_data, result.experiment.output_unit
+    rms, of_base = distinguishing_digits([second.candidate.test_rms, base.test_rms], 3)
+    error = f"{effects_text(second.candidate.effects)}, error on {data} {rms} {unit}"
+    if second.candidate.test_rms > base.test_rms:
+        error += f", worse than {base.fit.structure.base.name} by itself ({of_base})"
     if result.status != Status.ADEQUATE:
         return f"Runner-up: {error}."
     if second.p_value <= LEVEL:
         against = contradictions(second.candidate.fit, result.experiment)
-        why = against[0] if against else "on unseen records it is not significantly better"
+        why = against[0] if against else f"on {data} it is not significantly better"
         return f"Best candidate: {error}; its training improvement exceeds chance, but it was not selected: {why}."
     return (
-        f"Best candidate: {error}; if nothing is missing, the best of all gains as much in {100 * second.p_value:.2g} % of the "
-        f"cases ({100 * LEVEL:g} % would be needed)."
+        f"Best candidate: {error}. By chance the best candidate gains as much in {percent(second.p_value)} of the tests in which "
+        f"nothing is missing; at most {percent(LEVEL)} is required."
     )
 
 
 def _removed_share(result: DiagnosisResult) -> str:
     """Report the remaining error in noise floors, then the removed share: 1 % of a large error may be many noise floors."""
-    share = f"{100 * result.explainable_share_removed:.1f} % of the variance"
+    share = f"{percent(result.explainable_share_removed)} of the variance"
     floor, model = result.experiment.floor, result.model
     if floor is None:
-        return f"The selected effects remove {share} of the error on unseen records, noise included."
+        return f"The selected effects remove {share} of the error on {result.experiment.test_data}, noise included."
     rms = max(model.train_rms, model.test_rms)
     unit = result.experiment.output_unit
     return (
@@ -227,7 +230,7 @@ def remaining_error(result: DiagnosisResult) -> str:
     """Report whether anything is missing from the model with the selected effects."""
     if result.further is not None:
         effect, rms = readable(result.further.effects[-1]), result.further.test_rms
-        falls = f"with it the error on unseen records falls to {rms:.3g} {result.experiment.output_unit}"
+        falls = f"with it the error on {result.experiment.test_data} falls to {rms:.3g} {result.experiment.output_unit}"
         return f"Diagnosed again, {effect} is missing too: {falls}."
     if result.experiment.floor is not None and is_adequate(result.model, result.experiment):
         return "Only noise is left, as far as these records show."

@@ -14,6 +14,7 @@ import numpy as np
 import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
+from lumbar.base.formats import percent
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.sensors.bad_samples import Repair
@@ -339,7 +340,7 @@ def find_rough_acceleration(record: Record) -> Repair | None:
         return None
     quantity, output = (record.channels[role].quantity for role in ("input", "output"))
     sentence = (
-        f"{record.name}: {100 * share:.2g} % of the power of the {quantity}'s second derivative is above {edge:.3g} Hz, where "
+        f"{record.name}: {percent(share)} of the power of the {quantity}'s second derivative is above {edge:.3g} Hz, where "
         f"the {output} does not follow it. This noise would make a mass too small by the same share; it was filtered out "
         "before fitting."
     )

@@ -4,6 +4,7 @@ from itertools import permutations, product
 
 import numpy as np
 
+from lumbar.base.formats import percent
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base
@@ -94,8 +95,8 @@ def _report_crosstalk(known: list) -> Finding:
     """Report the shares of other axes' forces in the channels that are significantly not 0."""
     significant = [item for item in known if item.low > 0 or item.high < 0]
     shares = "; ".join(
-        f"{item.name[len('share_of_') :].replace('_in_', ' in ')} {100 * item.value:.2g} % "
-        f"({100 * item.low:.2g} to {100 * item.high:.2g})"
+        f"{item.name[len('share_of_') :].replace('_in_', ' in ')} {percent(item.value)} "
+        f"({percent(item.low)} to {percent(item.high)})"
         for item in sorted(significant, key=lambda item: -abs(item.value))
     )
     largest = max((abs(item.value) for item in known), default=0.0)
@@ -131,7 +132,7 @@ def _report_unexcited_direction(experiment: Experiment) -> list[Finding]:
         return []
     unit = f"{experiment.output_unit}/{experiment.input_unit}"
     sentence = (
-        f"{training.name} hardly moves along {vector_text(direction)}: {100 * share:.2g} % of its motion along its main "
+        f"{training.name} hardly moves along {vector_text(direction)}: {percent(share)} of its motion along its main "
         f"direction. Without the information of other directions, the stiffness there is {value:.2g} {unit} "
         f"({value - half:.2g} to {value + half:.2g}); these records do not show whether effects are the same there."
     )
@@ -173,7 +174,7 @@ def exchanged_channels(experiment: Experiment, layout: ColumnLayout | None) -> F
     better = left[best] <= _MAX_ERROR_RATIO * recorded_power and gain >= _MIN_GAIN * power
     if not better or left[best] > least + _SYMMETRY_TOLERANCE * power:
         return None
-    force, explained = experiment.output_quantity, 100 * (1 - left[best] / power)
+    force, explained = experiment.output_quantity, 1 - left[best] / power
     reading = ", ".join(
         f"along {axis} it is {'−' * (sign < 0)}{axes[source]}"
         for axis, (source, sign) in zip(axes, best, strict=True)
@@ -185,12 +186,12 @@ def exchanged_channels(experiment: Experiment, layout: ColumnLayout | None) -> F
         columns[f"output_{axis}"] = column if sign > 0 else column.other_sign
     sentence = (
         f"The channels of the {force} do not seem to be those of the position's axes: {reading} of the file. With this "
-        f"assignment, a spring and a dashpot explain {explained:.3g} % of the {force}, as recorded "
-        f"{100 * (1 - recorded_power / power):.3g} %: the stiffness and the viscosity of a tissue at rest are symmetric and "
+        f"assignment, a spring and a dashpot explain {percent(explained)} of the {force}, as recorded "
+        f"{percent(1 - recorded_power / power)}: the stiffness and the viscosity of a tissue at rest are symmetric and "
         "never negative. No effect was searched; if this assignment is right, put this into the study's YAML:\n"
         f"{columns_yaml(**columns)}"
     )
-    return Finding("force_channels", sentence, explained, "%")
+    return Finding("force_channels", sentence, 100 * explained, "%")
 
 
 def _unexplained_power(power: float, along: np.ndarray, moved: np.ndarray) -> float:
