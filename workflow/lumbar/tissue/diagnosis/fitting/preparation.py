@@ -35,6 +35,8 @@ _MIN_UNIT_CORRELATION = 0.3
 _STILL_SHARE, _REST_SHARE = 5e-4, 0.01
 """Largest motion of a tool that is still, and that is slow, as shares of a record's range; the latter also limits the change of
 the force, as a share of the force's range."""
+_RETURN_SHARE = 0.05
+"""Largest path in excess of the range, as a share of the range, of a motion in one direction."""
 _UNLOADED_SHARE = 0.02
 """Largest force of tissue that is not loaded yet, as a share of the force's range."""
 _MIN_REST_SAMPLES = 5
@@ -200,6 +202,15 @@ class Experiment:
         """True if the position rests in all unseen parts, e.g. in the end of a stress-relaxation test."""
         span = float(np.ptp(self.training.motion.position))
         return all(np.ptp(item.trim(item.motion.position)) <= _REST_SHARE * span for item in self.tests)
+
+    @property
+    def is_one_way(self) -> bool:
+        """True if no record returns: tests of stress relaxation, of one or several steps."""
+        return all(
+            np.abs(np.diff(record["input"])).sum() <= (1 + _RETURN_SHARE) * np.ptp(record["input"])
+            for record in self.records
+            if not record.axes
+        )
 
     @property
     def extra_floor_rms(self) -> float:

@@ -272,7 +272,9 @@ class Selection:
         if model is self.base:
             lacking = self.periods_differ or not is_adequate(self.base, self.experiment)
             return Status.UNEXPLAINED if lacking else Status.ADEQUATE
-        explains = share >= thresholds.EXPLAINS or is_adequate(model, self.experiment)
+        # In a hold any force of time explains most of the error.
+        is_share_enough = self.experiment.floor is not None or not self.experiment.is_one_way
+        explains = (is_share_enough and share >= thresholds.EXPLAINS) or is_adequate(model, self.experiment)
         if not (model.fit.converged and explains):
             return Status.UNEXPLAINED
         return Status.TIED if tied else Status.NAMED

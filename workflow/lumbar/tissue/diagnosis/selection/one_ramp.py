@@ -61,7 +61,8 @@ def ramp_speed(position: np.ndarray, sampling_time: float) -> float | None:
     """Return the speed of a record that moves once in one direction, before or after holds; None for any other motion."""
     span = float(np.ptp(position))
     rise = (position - position[0]) * np.sign(position[-1] - position[0])
-    if span == 0 or np.max(np.maximum.accumulate(rise) - rise) > _MAX_RETURN_SHARE * span:
+    returned = float(np.max(np.maximum.accumulate(rise) - rise))
+    if span == 0 or max(returned, span - rise[-1]) > _MAX_RETURN_SHARE * span:
         return None
     passed = np.searchsorted(np.maximum.accumulate(rise), span * np.linspace(0.1, 0.9, 9))
     pauses = np.diff(passed)
