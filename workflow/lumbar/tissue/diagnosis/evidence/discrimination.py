@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from lumbar.base.formats import plain_number
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.tissue.diagnosis.fitting.uncertainty import project_out, tangent_basis
@@ -273,22 +274,23 @@ def separation_sentence(separation: Separation, diagnosis: DiagnosisResult) -> s
     """Propose the excitation, or report that no excitation that was tried helps."""
     unit = diagnosis.experiment.output_unit
     pair = f"{effects_text(diagnosis.selected)} from {effects_text(separation.closest)}"
-    excitation, distance = separation.excitation.description, separation.distance
+    excitation = separation.excitation.description
+    distance, recorded = (plain_number(value, 2) for value in (separation.distance, separation.recorded))
     if not separation.separates:
         return (
             f"None of {separation.tried} excitations tried within the machine's limits would distinguish {pair}: the best, "
-            f"{excitation}, separates them by only {distance:.2g} noise standard deviations."
+            f"{excitation}, separates them by only {distance} noise standard deviations."
         )
     if not separation.improves:
         return (
-            f"The existing records separate {pair} better ({separation.recorded:.2g} noise standard deviations) than any of "
-            f"{separation.tried} excitations tried within the machine's limits ({distance:.2g}). No further record of these "
+            f"The existing records separate {pair} better ({recorded} noise standard deviations) than any of "
+            f"{separation.tried} excitations tried within the machine's limits ({distance}). No further record of these "
             "kinds is proposed."
         )
     proposal = (
-        f"To distinguish {pair}, record {excitation} and fit on it: it would separate them by {distance:.2g} noise standard "
+        f"To distinguish {pair}, record {excitation} and fit on it: it would separate them by {distance} noise standard "
         f"deviations ({separation.rms:.2g} {unit} RMS); your record {diagnosis.experiment.training.name}: "
-        f"{separation.recorded:.2g}."
+        f"{recorded}."
     )
     outside = " It leaves the range of your record: both models are extrapolated there."
     return proposal if separation.excitation.is_within else proposal + outside

@@ -61,7 +61,7 @@ def choose_simulated_base(state: DiagnosisState) -> DiagnosisState:
     """Choose the base with the beginning of long records; ignore the colour of the noise if the error is far above the noise."""
     prepared, base = _prepare_base(state.prepared, state.settings)
     experiment = shorten(prepared)
-    reason = f"{base.fit.structure.base.name}: error {base.test_rms:.4g} {experiment.output_unit} unseen"
+    reason = f"{base.fit.structure.base.name}: error {base.test_rms:.4g} {experiment.output_unit} on {experiment.test_data}"
     changes = {"prepared": prepared, "experiment": experiment, "base": base, "path": [base]}
     return state.next("choose the base", reason, **changes)
 
@@ -129,7 +129,7 @@ def check_motion_sensor(state: DiagnosisState) -> DiagnosisState:
             continue
         judge.tried = [after]
         share = judge.share_removed(after)
-        error = f"{after.test_rms:.4g} {experiment.output_unit} unseen"
+        error = f"{after.test_rms:.4g} {experiment.output_unit} on {experiment.test_data}"
         changes = {"base": before, "path": [before, after], "explainable_share_removed": share}
         changes |= {"status": judge.status(after, [], share), "tied_with": []}
         changes |= {"refined_status": judge.refined_status(after, None)}
@@ -149,7 +149,7 @@ def compare_motion_with_linear_dynamics(state: DiagnosisState) -> DiagnosisState
         return state.next(step, "linear dynamics of higher order do not explain the records better")
     dynamics, finding = alternative
     error = f"{dynamics.test_rms:.4g} {state.prepared.output_unit}"
-    reason = f"linear dynamics explain more: {error} unseen, the model {state.result.model.test_rms:.4g}"
+    reason = f"linear dynamics explain more: {error} on {state.prepared.test_data}, the model {state.result.model.test_rms:.4g}"
     unexplained = {"status": Status.UNEXPLAINED, "refined_status": Status.UNEXPLAINED, "tied_with": []}
     return state.next(step, reason, finding, **unexplained)
 

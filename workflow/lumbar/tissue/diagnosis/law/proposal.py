@@ -14,6 +14,7 @@ from lumbar.tissue.diagnosis.law import law_validation
 from lumbar.tissue.diagnosis.law.law_form import form_of
 from lumbar.tissue.diagnosis.law.search import Law, Search
 from lumbar.tissue.diagnosis.law.terms import Term, knows, library
+from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection.candidate import (
     Candidate,
     evaluate,
@@ -216,7 +217,7 @@ def _failed_test(law: Law, experiment: Experiment, share: float, certainty: floa
     gain = likelihood_ratio(law.start, law.candidate, experiment)
     p_value = null_distribution().p_value(gain, terms)
     if p_value > LEVEL:
-        return f"noise alone gives as much (p = {p_value:.2g})"
+        return f"noise alone gives as much ({probability(p_value)})"
     if certainty <= CONFIRMED:
         return f"it is not significantly better on unseen records ({certainty:.1f} standard errors)"
     if share < MIN_SHARE:

@@ -164,9 +164,7 @@ def line_view(residual: Residual) -> View:
     if p_value < SIGNIFICANT:
         lower, upper = _quartiles(power - noise, frequency)
         lines = _line_sentence(residual, shares, p_values, excited, classes, power - noise)
-        sentence = (
-            f"Over frequency: half of the repeating error is between {lower:.2g} and {upper:.2g} Hz. {lines}"
-        )
+        sentence = f"Over frequency: half of the repeating error is {_range_text(lower, upper)}. {lines}"
     return View("frequency", share, p_value, sentence, numbers=numbers)
 
 
@@ -174,6 +172,18 @@ def _quartiles(power: np.ndarray, frequency: np.ndarray) -> tuple[float, float]:
     summed = np.cumsum(np.maximum(power, 0.0))
     quarter, three = np.searchsorted(summed / summed[-1], [0.25, 0.75])
     return float(frequency[quarter]), float(frequency[three])
+
+
+def _range_text(lower: float, upper: float) -> str:
+    """Format a range of frequencies in Hz, which may be one line."""
+    low, high = f"{lower:.2g}", f"{upper:.2g}"
+    return (
+        f"between {low} and {high} Hz"
+        if low != high
+        else "a constant offset"
+        if upper == 0
+        else f"at {low} Hz"
+    )
 
 
 def _line_sentence(residual: Residual, shares, p_values, excited, classes, excess) -> str:
@@ -251,7 +261,7 @@ def band_view(residual: Residual) -> View:
         above = percent(float(excess[~inside].sum() / excess.sum()))
         higher = f"{above} above it ({probability(above_p)}), where only a nonlinear force can put it"
     sentence = (
-        f"Over frequency: half of the {residual.error_name} is between {lower:.2g} and {upper:.2g} Hz; {percent(within)} is in "
+        f"Over frequency: half of the {residual.error_name} is {_range_text(lower, upper)}; {percent(within)} is in "
         f"the input's band up to {frequency[edge]:.2g} Hz, {higher}."
     )
     return View("frequency", residual.share(float(excess.sum())), p_value, sentence)

@@ -76,9 +76,7 @@ def compare_zeros(state: DiagnosisState) -> DiagnosisState:
     reason = "base and effects are searched again with one zero per record"
     again = run((*SEARCH, find_ties), state.next(step, reason, experiment=with_zeros, status=None))
     own, shared = again.result.model.test_rms, result.model.test_rms
-    errors = (
-        f"{own:.4g} {experiment.output_unit} unseen with one zero per record, {shared:.4g} with one for all"
-    )
+    errors = f"{own:.4g} {experiment.output_unit} on {experiment.test_data} with one zero per record, {shared:.4g} with one"
     is_better = own < _OWN_ZERO_ERROR_RATIO * shared
     is_simpler = len(again.result.selected) < len(result.selected)
     if not (is_better or (is_simpler and own < shared / _OWN_ZERO_ERROR_RATIO)):
@@ -116,7 +114,7 @@ def compare_with_linear_dynamics(state: DiagnosisState) -> DiagnosisState:
     dynamics, finding = alternative
     base = linear_base(dynamics.fit.poles, dynamics.fit.held)
     linear = base and fit_base(base, experiment)
-    errors = f"{dynamics.test_rms:.4g} {experiment.output_unit} unseen, the model {result.model.test_rms:.4g}"
+    errors = f"{dynamics.test_rms:.4g} {experiment.output_unit} on {experiment.test_data}, the model {result.model.test_rms:.4g}"
     unexplained = {"status": Status.UNEXPLAINED, "tied_with": [], "linear": linear}
     if (nonlinear_share(experiment, dynamics.fit) or 0.0) > _MAX_NONLINEAR_SHARE:
         reason = f"linear dynamics explain more ({errors}), and what they leave is nonlinear"

@@ -112,7 +112,7 @@ def _fit_together(state: DiagnosisState) -> DiagnosisState | None:
 
 
 def _describe_gain(base: Candidate, model: Candidate, experiment: Experiment) -> str:
-    errors = f"{base.test_rms:.4g} {experiment.output_unit} unseen, the linear base {model.test_rms:.4g}"
+    errors = f"{base.test_rms:.4g} {experiment.output_unit} on {experiment.test_data}, the linear base {model.test_rms:.4g}"
     return f"{base.fit.structure.base.name} explains the records better: error {errors}"
 
 

@@ -92,7 +92,7 @@ def choose_spring(state: DiagnosisState) -> DiagnosisState:
             )
             if all(touching.score < item.score for item in rivals):
                 experiment, base = met, touching
-    reason = f"{base.fit.structure.base.name}: error {base.test_rms:.4g} {experiment.output_unit} unseen"
+    reason = f"{base.fit.structure.base.name}: error {base.test_rms:.4g} {experiment.output_unit} on {experiment.test_data}"
     return state.next("choose the base", reason, experiment=experiment, base=base, path=[base])
 
 
