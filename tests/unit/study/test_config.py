@@ -89,7 +89,7 @@ def test_record_set_determines_base_and_layout(config, folder):
     config["improvement"]["record_sets"][0]["base"] = "pendulum"
     assert has_tokens(refusal(load_study, config, folder), "tissue … base … pendulum … records")
     config["improvement"]["record_sets"][2]["base"] = "HO"
-    allowed = "auto, LE, Maxwell, KV, KB, KV-mass, KB-mass, QLV, QLV-2, QLV-power"
+    allowed = "auto, LE, Maxwell, KV, KB, KV-mass, KB-mass, Burgers, QLV, QLV-2, QLV-power"
     message = refusal(load_study, config, folder)
     assert has_tokens(message, f'improvement.record_sets.2.base … "HO" … {allowed}')
 

@@ -20,7 +20,7 @@ def run_import(options) -> None:
         options.parser.error("give --output DIR, or --dry-run to see what would be written")
     names = (
         *("time", "position", "force", "time_unit", "position_unit", "force_unit", "rate", "flip_force"),
-        *("trim", "cut", "cut_by", "table", "encoding", "accept_clipped", "name"),
+        *("trim", "cut", "cut_by", "table", "encoding", "accept_clipped", "forward", "name"),
     )
     choices = {name: getattr(options, name) for name in names}
     imported = lumbar.import_recordings(options.files, **choices)

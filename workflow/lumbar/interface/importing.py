@@ -93,6 +93,7 @@ def import_recordings(
     table: str | int | None = None,
     encoding: str | None = None,
     accept_clipped: bool = False,
+    forward: bool = False,
     name: str | None = None,
 ) -> ImportedRecordings:
     """Read recordings of force and position in any machine's form.
@@ -125,6 +126,8 @@ def import_recordings(
         Encoding of text, by Python's name: ``"gbk"``.
     accept_clipped : bool
         Accept records with a force or position that stays at its extreme.
+    forward : bool
+        Whether the load drove the tests: it was commanded, and may stay at its extreme.
     name : str, optional
         Name of the record, if one file is given, e.g. for each of several recordings in a file; default the file's name.
 
@@ -161,6 +164,7 @@ def import_recordings(
         cut=tuple(cut),
         encoding=encoding,
         clipped=accept_clipped,
+        load_drives=forward,
     )
     given = [files] if isinstance(files, str | os.PathLike) else files
     sources = [source for item in given for source in _list_sources(item)]

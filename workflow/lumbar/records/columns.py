@@ -104,8 +104,8 @@ def read_record(
     record, lines = fill_missing_rows(record, lines)
     may_rest = [role for role, column in columns.items() if column.optional]
     check_record(record, may_rest=may_rest, lines=lines)
-    if layout.clipped == "refuse":
-        check_clipping(record, lines)
+    if layout.clipped != "accept":
+        check_clipping(record, lines, load_drives=layout.clipped == "accept_load")
     if rate is not None:
         record = resample(record, rate)
     return record

@@ -11,7 +11,7 @@ from fractions import Fraction
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.record import LARGEST, MIN_SAMPLES, Record, place_of
+from lumbar.records.record import LARGEST, MIN_SAMPLES, Record, place_of, use_load_as_input
 from lumbar.settings.layout import AXES
 
 MAX_GAP_ROWS = 10
@@ -224,7 +224,7 @@ def _comes_to_rest(top: FlatTop, values: np.ndarray) -> np.ndarray:
     return rests
 
 
-def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
+def check_clipping(record: Record, lines: Sequence[int] | None = None, load_drives: bool = False) -> None:
     """Raise if the force or the position of a record is clipped; a position that rests at its extreme is not.
 
     Only input and output channels are checked, because surgeons and subjects may rest anywhere.
@@ -235,6 +235,8 @@ def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
         The record.
     lines : sequence of int, optional
         Line of each sample in the file, for messages.
+    load_drives : bool, optional
+        True if the load is the input of the test: it is commanded, and only the motion is checked.
 
     Raises
     ------
@@ -242,7 +244,10 @@ def check_clipping(record: Record, lines: Sequence[int] | None = None) -> None:
         If a channel is clipped, with level, number of samples and intervals of every clipped channel.
     """
     problems = Problems(record.source or record.name)
+    commanded = use_load_as_input(record)["input"] if load_drives and not record.axes else None
     for role, channel in record.channels.items():
+        if channel.values is commanded:
+            continue
         excites = role in record.roles("input")
         if not excites and role not in (*record.roles("output"), "moment"):
             continue

@@ -59,9 +59,10 @@ class ColumnLayout(Section):
     """Start of the lines that are skipped."""
     decimal: Literal[".", ","] = "."
     """Decimal mark."""
-    clipped: Literal["refuse", "accept"] = "refuse"
+    clipped: Literal["refuse", "accept", "accept_load"] = "refuse"
     """accept: records are read although their force or position has runs of samples exactly at its extreme, as
-    from a converter at the end of its range."""
+    from a converter at the end of its range. accept_load: only the motion is checked, because the load was
+    commanded; this is the default with improvement.forward."""
 
     @field_validator("columns")
     @classmethod

@@ -86,4 +86,7 @@ def record_layout(settings: StudySettings, base: str) -> tuple[ColumnLayout, flo
     """
     if system_of(base) == "pendulum":
         return settings.lifting.moment_layout, None
-    return settings.tissue.layout, settings.tissue.rate_Hz
+    layout = settings.tissue.layout
+    if settings.improvement.forward and layout.clipped == "refuse":
+        layout = layout.model_copy(update={"clipped": "accept_load"})
+    return layout, settings.tissue.rate_Hz

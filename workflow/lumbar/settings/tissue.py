@@ -104,6 +104,7 @@ TissueBase = Literal[
     "KB",
     "KV-mass",
     "KB-mass",
+    "Burgers",
     "QLV",
     "QLV-2",
     "QLV-power",

@@ -368,7 +368,8 @@ def _to_record(
         notes.append("the sign of the force is changed, as given by --flip-force")
     _check_size(record, names, lines)
     if not choices.clipped:
-        check_clipping(record, lines)  # before resampling, after which no two samples are equal
+        # Before resampling, after which no two samples are equal.
+        check_clipping(record, lines, choices.load_drives)
     motion = roles.get("position")
     if motion is not None and motion.unit.quantity in SPEEDS.values():
         quantity, unit = channels["input"].quantity, motion.unit.target.removesuffix("/s")

@@ -66,6 +66,7 @@ class Choices:
     table: str | None = None
     encoding: str | None = None
     clipped: bool = False
+    load_drives: bool = False
 
     def __post_init__(self):
         if bool(self.cut) + (self.cut_by is not None) + (self.trim is not None) > 1:

@@ -81,17 +81,17 @@ class Base:
         return f"{'y' if self.is_user_defined else _RESPONSES[self.system]} = {self.form.latex}"
 
 
-def elongation(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray]:
-    """Return the elongation of a Maxwell branch's spring in the unit of the position, shape (samples,).
+def elongation(motion: Motion, nonlinear: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return the elongation of each Maxwell branch's spring in the unit of the position, shape (samples,).
 
     Parameters
     ----------
     motion : Motion
         Motion along one axis.
-    nonlinear : numpy.ndarray, shape (1,)
-        Relaxation time in seconds.
+    nonlinear : numpy.ndarray, shape (branches,)
+        Relaxation times in seconds.
     """
-    return (relaxation(motion, nonlinear[0]),)
+    return tuple(relaxation(motion, time) for time in nonlinear)
 
 
 _MIN_CORNER_RATIO = 6.0
@@ -183,6 +183,7 @@ _SOLUTIONS: dict[str, dict[str, Any]] = {
     "Maxwell": {"solution": elongation},
     "KB": {"solution": elongation},
     "KB-mass": {"solution": elongation},
+    "Burgers": {"solution": elongation},
     "QLV": _quasi_linear(tuple, ["relaxation_time"]),
     "QLV-2": _quasi_linear(tuple, ["relaxation_time_1", "relaxation_time_2"]),
     "QLV-power": _quasi_linear(

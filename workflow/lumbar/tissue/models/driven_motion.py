@@ -180,11 +180,12 @@ _RATE = np.linalg.inv(_INTEGRAL)
 _SUM = _RATE.sum(axis=1)
 _RATE2, _SUM2 = _RATE @ _RATE, _RATE @ _SUM
 _STAGES = len(POINTS)
-_MAX_ITERATIONS = 10  # then only converged steps are kept, and fewer steps are taken together
+_MAX_ITERATIONS = 14  # then only converged steps are kept, and fewer steps are taken together
 _MAX_DAMPED_ITERATIONS = 40  # of a single step
 _DAMPING_FACTORS = 0.5 ** np.arange(12)
 _WINDOW_DIVISOR = 8  # of the number of steps taken together, after a failure
-_MAX_FAILURES = 100
+_MAX_FAILURES = 30
+_TANGENT_ITERATIONS = 3  # every third iteration is Newton's own, the others use secants over the speed
 _TOLERANCE = 1e-7  # largest change of the position in the last iteration, relative to its size
 _WINDOW_STEPS = 400  # taken together without a guess
 
@@ -266,8 +267,10 @@ class ForceDrive:
     def _iterate(self, parameters, begun, points, window) -> tuple[np.ndarray, int]:
         """Return the points after Newton's iterations over a window, and the number of leading steps that converged."""
         good = 0
-        for _ in range(_MAX_ITERATIONS if len(points[0]) > 1 else _MAX_DAMPED_ITERATIONS):
-            local, slope, driven = self._linearise(parameters, begun, points, window)
+        for number in range(1, 1 + (_MAX_ITERATIONS if len(points[0]) > 1 else _MAX_DAMPED_ITERATIONS)):
+            # Beyond its knee, friction has no slope: tangents overshoot, secants do not.
+            secant = len(points[0]) > 1 and number % _TANGENT_ITERATIONS > 0
+            local, slope, driven = self._linearise(parameters, begun, points, window, secant=secant)
             joined = recursion(slope, driven)[:, :, 0]
             change = local[..., 0] + np.einsum("kij,kj->ki", local[..., 1:], joined[:-1])
             change = change.reshape(len(change), -1, _STAGES).transpose(1, 0, 2)
@@ -315,14 +318,20 @@ class ForceDrive:
         rates = (points[1:] @ _RATE.T - before[:, :, None] * _SUM) / self.step
         return np.concatenate([values[:1] - self.force[window], rates - values[1:]]).transpose(1, 0, 2)
 
-    def _linearise(self, parameters, begun, points, window, right_sides: np.ndarray | None = None):
+    def _linearise(
+        self, parameters, begun, points, window, right_sides: np.ndarray | None = None, secant: bool = False
+    ):
         """Linearise every step. Return its changes by right-hand side and by start, and slope and constant of the recursion.
 
-        `right_sides`, shape (steps, 1 + states, 3, columns), replace the residual of the equations.
+        `right_sides`, shape (steps, 1 + states, 3, columns), replace the residual of the equations. If `secant`, the slope of the
+        force by the speed is that from rest if it is larger.
         """
         known = self._known(parameters, begun, points, window)
         steps, count, rate = points.shape[1], len(points), 1 / self.step
         values, slopes = self.balance.slopes(known, points.shape[1:])
+        if secant:
+            resting = self.balance.values({**known, "v": 0.0}, points.shape[1:])
+            slopes[0, 1] = np.fmax(slopes[0, 1], (values[0] - resting[0]) / known["v"])
         if right_sides is None:
             right_sides = self._residual(values, points, begun, window)[..., None]
         by_z, by_v, by_a, by_r = slopes[:, 0], slopes[:, 1], slopes[:, 2], slopes[:, 3:]

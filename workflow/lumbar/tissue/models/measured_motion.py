@@ -28,14 +28,20 @@ _MAX_CUTOFF = 0.45  # cycles per sample; above it nothing is smoothed
 def add_measured_motion(record: Record) -> Record:
     """Return the record with its filtered output as an additional channel, from which a simulation estimates its start.
 
+    At rest before the load the filtered output is constant.
+
     Parameters
     ----------
     record : Record
         Record with a force as input and a motion as output.
     """
     output = record.channels["output"]
-    filtered = Channel(remove_noise(output.values), output.quantity, output.unit)
-    return replace(record, channels={**record.channels, MEASURED: filtered})
+    filtered = remove_noise(output.values)
+    count = resting_samples(record["input"], output.values)
+    if count:
+        filtered = np.append(np.full(count, output.values[:count].mean()), filtered[count:])
+    channel = Channel(filtered, output.quantity, output.unit)
+    return replace(record, channels={**record.channels, MEASURED: channel})
 
 
 def remove_noise(signal: np.ndarray) -> np.ndarray:
@@ -130,3 +136,37 @@ def is_held(motion: Motion | JoinedMotions) -> bool:
     steps = np.abs(np.diff(position))
     moved = steps[steps > 0]
     return moved.size < len(steps) / 2 and bool(np.median(moved) > _MIN_JUMP * np.ptp(position))
+
+
+_MIN_REST_SAMPLES = 5
+_REST_SIGMAS, _REST_SHARE = 5.0, 1e-3
+"""Largest change at rest: in standard deviations of the noise, and as a share of the range, which add up."""
+
+
+def noise_of(signal: np.ndarray) -> float:
+    """Return the standard deviation of white noise on a slow signal, from its second differences.
+
+    Parameters
+    ----------
+    signal : numpy.ndarray, shape (samples,)
+        Evenly sampled signal in any unit.
+    """
+    return float(1.4826 * np.median(np.abs(np.diff(signal, 2))) / np.sqrt(6))
+
+
+def resting_samples(force: np.ndarray, position: np.ndarray) -> int:
+    """Return the number of samples at the start of a record without load and motion; 0 if it does not begin so.
+
+    Parameters
+    ----------
+    force, position : numpy.ndarray, shape (samples,)
+        Force, and position from any zero.
+    """
+    limits = [_REST_SIGMAS * noise_of(item) + _REST_SHARE * float(np.ptp(item)) for item in (force, position)]
+    loaded = np.abs(force) > limits[0]
+    count = int(np.argmax(loaded))
+    # The load may begin between the last sample at rest and the next one.
+    rest = position[: max(count - 1, 0)]
+    if not loaded.any() or len(rest) < _MIN_REST_SAMPLES:
+        return 0
+    return len(rest) if np.abs(rest - np.median(rest)).max() <= limits[1] else 0

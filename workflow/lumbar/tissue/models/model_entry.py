@@ -16,7 +16,7 @@ from lumbar.settings.validation import Origins, adapter_of, check_types
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.form import Effect, Form
 from lumbar.tissue.models.model_data import FittedParameter, ModelData
-from lumbar.tissue.models.structure import ForwardStructure, Structure
+from lumbar.tissue.models.structure import ForceBetween, ForwardStructure, Structure
 from lumbar.tissue.models.tissue_models import MODELS
 from lumbar.tissue.models.transfer_function import TransferFunction
 
@@ -54,6 +54,7 @@ class _Structure(Section):
     effects: tuple[_Effect, ...] | None = None
     forward: bool | None = None
     """True if the input is the force and the output the motion."""
+    force_between: ForceBetween | None = None
     space: _Space | None = None
 
 
@@ -87,8 +88,10 @@ def entry_of(model: ModelData) -> dict:
         for form in structure.forms:
             constants = {item.symbol: item.value for item in form.constants if item.given}
             effects.append(_Effect(effect=form.effect, form=form.name, constants=constants or None))
-        forward = isinstance(structure, ForwardStructure) or None
-        written = _Structure(effects=tuple(effects), forward=forward, space=space)
+        written = _Structure(effects=tuple(effects), space=space)
+        if isinstance(structure, ForwardStructure):
+            changes = {"forward": True, "force_between": structure.force_between}
+            written = written.model_copy(update=changes)
     plain = adapter_of(_Entry).dump_python(_Entry(**{**_fields(model), "structure": written}), mode="json")
     plain["structure"] = written.model_dump(mode="json", exclude_none=True)
     for name in ("zeros", "rests"):  # along one axis the ports have offsets instead
@@ -163,8 +166,11 @@ def _structure(
             problems.add("structure.effects", f"{form.effect} is repeated", "once is allowed")
         elif form is not None:
             forms.append(form)
-    kind = ForwardStructure if written.forward else Structure
-    return None if len(problems.entries) > before else kind(bases[base], tuple(forms))
+    if len(problems.entries) > before:
+        return None
+    if written.forward:
+        return ForwardStructure(bases[base], tuple(forms), written.force_between or "smooth")
+    return Structure(bases[base], tuple(forms))
 
 
 def _spatial_structure(structure: Structure, space: _Space, problems: Problems) -> Structure | None:

@@ -6,7 +6,7 @@
 from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import Any, Self, TypeVar
+from typing import Any, Literal, Self, TypeVar
 
 import numpy as np
 import scipy
@@ -14,7 +14,7 @@ import scipy
 from lumbar.tissue.models.bases import Base
 from lumbar.tissue.models.driven_motion import POINTS, DrivenMotion, ForceBalance, ForceDrive
 from lumbar.tissue.models.form import Form, LinearParameter, NonlinearParameter, Place
-from lumbar.tissue.models.measured_motion import MEASURED, is_held
+from lumbar.tissue.models.measured_motion import MEASURED, resting_samples
 from lumbar.tissue.models.motion import AnyMotion, JoinedMotions, Motion, SpatialMotion
 
 
@@ -58,7 +58,7 @@ class Structure:
         form : Form
             Form of an effect that the structure lacks; it is added last.
         """
-        return type(self)(self.base, (*self.forms, form))
+        return replace(self, forms=(*self.forms, form))
 
     def nonlinear_of(self, nonlinear: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Split the nonlinear parameters into the parameters of the base and, by key, of each form.
@@ -180,6 +180,10 @@ def _swap_units(item: _Any) -> _Any:
     return replace(item, unit=item.unit.replace("{x}", "{?}").replace("{y}", "{x}").replace("{?}", "{y}"))
 
 
+ForceBetween = Literal["held", "straight", "smooth"]
+"""Course of a force between samples: the value of the sample before, a straight line, or a cubic spline."""
+
+
 @dataclass(frozen=True)
 class ForwardStructure(Structure):
     """Base and forms driven by a force. The force is the ``position`` of the given `Motion`; the result is a position.
@@ -187,6 +191,9 @@ class ForwardStructure(Structure):
     Effects at the output transform the position, effects at the input the force. In units, ``{x}`` is the unit of the input
     (here a force), and ``{y}`` the unit of the output.
     """
+
+    force_between: ForceBetween = "smooth"
+    """Course of the force between samples."""
 
     @cached_property
     def linear(self) -> tuple[LinearParameter, ...]:
@@ -292,7 +299,7 @@ class ForwardStructure(Structure):
 
     @cached_property
     def _key(self) -> str:
-        return " ".join([self.base.name, *(form.memory_key for form in self.forms)])
+        return " ".join([self.force_between, self.base.name, *(form.memory_key for form in self.forms)])
 
     def _drive(self, motion: Motion, linear, nonlinear, zero) -> tuple[ForceDrive, DrivenMotion]:
         """Return the balance with the force that drives it, and the resulting motion."""
@@ -307,7 +314,8 @@ class ForwardStructure(Structure):
 
         steps = motion.cache.compute_once("steps per sample", steps_per_sample)
         points = force.cache.compute_once(
-            "force at points", lambda: _interpolate(force.position, steps, is_held(force))
+            ("force at points", self.force_between),
+            lambda: _interpolate(force.position, steps, self.force_between),
         )
         size = 1.0 if measured is None else float(np.ptp(measured))
         drive = ForceDrive(self.balance, points, motion.sampling_time / steps, size, steps)
@@ -323,26 +331,30 @@ class ForwardStructure(Structure):
         if measured is None:
             start = _balance_at_rest(drive, values)
         else:
+            rests = motion.cache.compute_once("rests", lambda: resting_samples(motion.position, measured) > 0)
             if guess is None:
                 # The measured motion with states at rest: the friction at its speed is nearly right.
                 points = motion.cache.compute_once("measured", lambda: _interpolate(measured, drive.parts))
                 rest = np.zeros((len(drive.balance.states), *points.shape))
                 guess = np.concatenate([(points - zero)[None], rest])
-            start = _estimate_start(drive, values, measured - zero, motion.sampling_time, start)
+            start = (
+                np.zeros(2 + len(drive.balance.states))
+                if rests
+                else _estimate_start(drive, values, measured - zero, motion.sampling_time, start)
+            )
         driven = drive.motion(values, start, guess)
-        if not driven.is_finite and guess is not None:
-            driven = drive.motion(values, start)
         if driven.is_finite:
             last[self._key] = driven.points, start
         return driven
 
 
-def _interpolate(signal: np.ndarray, parts: int, held: bool = False) -> np.ndarray:
-    """Return a signal at the collocation points of every step: by a cubic spline, or constant between samples if `held`."""
-    if held:
+def _interpolate(signal: np.ndarray, parts: int, between: ForceBetween = "smooth") -> np.ndarray:
+    """Return a signal with a course between samples at the collocation points of every step."""
+    if between == "held":
         return np.repeat(signal[:-1], parts)[:, None] * np.ones(len(POINTS))
     samples = (np.arange(parts * (len(signal) - 1))[:, None] + POINTS) / parts
-    return scipy.interpolate.make_interp_spline(np.arange(len(signal)), signal, k=3)(samples)
+    degree = 1 if between == "straight" else 3
+    return scipy.interpolate.make_interp_spline(np.arange(len(signal)), signal, k=degree)(samples)
 
 
 def _balance_at_rest(drive: ForceDrive, values: dict[str, float]) -> np.ndarray:

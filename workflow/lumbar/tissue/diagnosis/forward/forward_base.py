@@ -8,8 +8,9 @@ so the search over all forms needs no simulation.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import get_args
 
 import numpy as np
 import scipy
@@ -21,13 +22,20 @@ from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, evaluate, exchange_base, fit_base
+from lumbar.tissue.diagnosis.selection.thresholds import TIED
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.driven_motion import linearise
-from lumbar.tissue.models.measured_motion import add_measured_motion, remove_noise
+from lumbar.tissue.models.measured_motion import (
+    add_measured_motion,
+    is_held,
+    noise_of,
+    remove_noise,
+    resting_samples,
+)
 from lumbar.tissue.models.motion import JoinedMotions, Motion
-from lumbar.tissue.models.structure import ForwardStructure, Structure
+from lumbar.tissue.models.structure import ForceBetween, ForwardStructure, Structure
 
-FORWARD_BASES = ("KV-mass", "KB-mass", "KV", "KB", "LE")
+FORWARD_BASES = ("KV-mass", "KB-mass", "KV", "KB", "Burgers", "LE")
 """Bases that are tried if the force is the input."""
 _SIMULATED_BASES = 2
 """Number of bases that are simulated: the best in the inverse problem."""
@@ -47,6 +55,8 @@ EVALUATIONS = 20
 _ZERO_SIZE = 1e-3
 """Scale of a linear parameter that starts at 0, relative to the largest linear parameter."""
 _BOUND_MARGIN = 1e-3
+_MAX_ZERO_SIGMAS = 4.0
+"""Largest distance of the motion's zero from the mean of the samples at rest before the load, in standard errors of the mean."""
 _FAILED_ERROR = 1e3
 """Error of a simulation that failed, relative to the measured motion."""
 
@@ -59,6 +69,16 @@ class ForwardData(FitData):
     def measured_motion(self) -> Motion:
         """Measured motion, smoothed."""
         return Motion(self.motion.time, remove_noise(self.force), self.motion.sampling_time)
+
+    @cached_property
+    def zero_range(self) -> tuple[float, float] | None:
+        """Range of the motion's zero by the samples at rest before the load; None if the record does not begin at rest."""
+        count = resting_samples(self.motion.position, self.force)
+        if not count:
+            return None
+        mean, error = float(np.mean(self.force[:count])), noise_of(self.force) / np.sqrt(count)
+        margin = _MAX_ZERO_SIGMAS * error + 1e-6 * float(np.ptp(self.force))
+        return mean - margin, mean + margin
 
     def scale(self, kind: str) -> float:
         """Return the size of a quantity for starting values; ``force`` is the signal that a form at the output transforms."""
@@ -125,6 +145,12 @@ def to_inverse_problem(experiment: Experiment, response: Response) -> Experiment
     )
 
 
+def has_spring(base: Base) -> bool:
+    """Return whether a base has a force at rest."""
+    by_motion, _ = linearise(base.form, np.ones(len(base.linear)), np.ones(len(base.nonlinear)))
+    return bool(by_motion[0, 0])
+
+
 def response_of(base: Base, linear: np.ndarray, nonlinear: np.ndarray) -> Response:
     """Return the frequency response of a base from force to motion."""
     by_motion, by_states = linearise(base.form, linear, nonlinear)
@@ -136,6 +162,8 @@ def response_of(base: Base, linear: np.ndarray, nonlinear: np.ndarray) -> Respon
         for state in range(1, len(by_states)):  # the states of a base are not coupled
             driven = by_motion[state] @ powers / (s - by_states[state, state - 1])
             stiffness = stiffness + by_states[0, state - 1] * driven
+        if not has_spring(base):  # a free dashpot flows without limit in infinite time
+            stiffness[0] = np.abs(stiffness[1])
         least = _MIN_STIFFNESS * np.abs(stiffness).max()
         return 1 / np.where(np.abs(stiffness) > least, stiffness, least)
 
@@ -240,10 +268,18 @@ def fit_by_simulation(
         margin = (high / low) ** _BOUND_MARGIN
         nonlinear = np.clip(nonlinear, low * margin, high / margin)
 
-    free = np.full(zeros, np.inf)
-    lower = np.concatenate([np.where(signs > 0, 0.0, -np.inf), joint_fit.to_log_ratio(low, nonlinear), -free])
-    upper = np.concatenate([np.where(signs < 0, 0.0, np.inf), joint_fit.to_log_ratio(high, nonlinear), free])
-    start = np.concatenate([linear / size, np.ones(shapes), np.full(zeros, zero / extent)])
+    zero_low, zero_high = _zero_bounds(data, structure.base)
+    lower = np.concatenate(
+        [np.where(signs > 0, 0.0, -np.inf), joint_fit.to_log_ratio(low, nonlinear), zero_low / extent]
+    )
+    upper = np.concatenate(
+        [np.where(signs < 0, 0.0, np.inf), joint_fit.to_log_ratio(high, nonlinear), zero_high / extent]
+    )
+    known = np.isfinite(zero_low)
+    zeros_at_start = np.where(
+        known, 0.5 * (np.where(known, zero_low, 0) + np.where(known, zero_high, 0)), zero
+    )
+    start = np.concatenate([linear / size, np.ones(shapes), zeros_at_start / extent])
     start = np.clip(start, lower + 1e-9, upper - 1e-9)
 
     def fit_at(vector, squared_error: float = np.inf, converged: bool = True) -> ForwardFit:
@@ -269,6 +305,19 @@ def fit_by_simulation(
     return evaluate(fit_at(result.x, 2 * float(result.cost) * extent**2, bool(result.status > 0)), experiment)
 
 
+def _zero_bounds(data: FitData, base: Base) -> tuple[np.ndarray, np.ndarray]:
+    """Return bounds of the motion's zeros, shape (zeros,): by rests before the load, or 0 if any position is in equilibrium."""
+    ranges = [item.zero_range for item in data.records]
+    known = [item for item in ranges if item is not None]
+    if len(known) < len(ranges) or not known:
+        low, high = (-1e-9, 1e-9) if not has_spring(base) else (-np.inf, np.inf)
+    elif data.zeros.shape[1] == len(known):
+        return tuple(np.array(known).T)
+    else:
+        low, high = min(item[0] for item in known), max(item[1] for item in known)
+    return np.full(data.zeros.shape[1], low), np.full(data.zeros.shape[1], high)
+
+
 def resume_fit(experiment: Experiment, model: Candidate, evaluations: int = EVALUATIONS) -> Candidate:
     """Fit a model to an experiment from its parameters fitted to another experiment."""
     fit = model.fit
@@ -278,28 +327,55 @@ def resume_fit(experiment: Experiment, model: Candidate, evaluations: int = EVAL
 def choose_forward_base(experiment: Experiment, name: str) -> Candidate:
     """Fit by simulation the named base, or the base of `FORWARD_BASES` that explains all records best.
 
+    The course of the force between samples is straight, or held for a command that jumps; another one must explain the records
+    significantly better.
+
     Raises
     ------
     InputError
         For a base with contact.
     """
+    between: ForceBetween = "held" if is_held(experiment.training.motion) else "straight"
     if name != CHOSEN_BY_DATA:
         if BASES[name].contact or BASES[name].system != "tissue":
             raise InputError(
                 f"base {name} is not available with the force as input. Use one of {', '.join(FORWARD_BASES)}."
             )
-        return simulate_base(experiment, BASES[name])
+        return _choose_between([simulate_base(experiment, BASES[name], between)], experiment)
     # All are weighted by the response of the first, which has all elements of the others but a second relaxation.
     first = BASES[FORWARD_BASES[0]]
     inverse = to_inverse_problem(experiment, response_of(first, *fit_inverse_problem(experiment, first)))
     ranked = sorted(FORWARD_BASES, key=lambda name: fit_base(BASES[name], inverse).score)
-    fits = [simulate_base(experiment, BASES[name]) for name in ranked[:_SIMULATED_BASES]]
-    return min(fits, key=lambda item: item.score if np.isfinite(item.score) else np.inf)
+    fits = [simulate_base(experiment, BASES[name], between) for name in ranked[:_SIMULATED_BASES]]
+    return _choose_between(fits, experiment)
 
 
-def simulate_base(experiment: Experiment, base: Base) -> Candidate:
+def _choose_between(models: list[Candidate], experiment: Experiment) -> Candidate:
+    """Return the best model, with the course of the force between samples that explains the records best."""
+
+    def best_of(items: list[Candidate]) -> Candidate:
+        return min(items, key=lambda item: item.score if np.isfinite(item.score) else np.inf)
+
+    best = best_of(models)
+    for between in get_args(ForceBetween):
+        if between != models[0].fit.structure.force_between:
+            other = _exchange_between(best, between, experiment)
+            if other.score < best.score - TIED:
+                models = [_exchange_between(item, between, experiment) for item in models]
+                best = best_of([other, *models])
+    return best
+
+
+def _exchange_between(model: Candidate, between: ForceBetween, experiment: Experiment) -> Candidate:
+    """Refit a model with another course of the force between samples."""
+    structure = replace(model.fit.structure, force_between=between)
+    return resume_fit(experiment, replace(model, fit=replace(model.fit, structure=structure)))
+
+
+def simulate_base(experiment: Experiment, base: Base, between: ForceBetween) -> Candidate:
     """Fit a base with the motion as input, then by simulation from the parameters of that fit."""
-    return fit_by_simulation(experiment, ForwardStructure(base), *fit_inverse_problem(experiment, base))
+    structure = ForwardStructure(base, force_between=between)
+    return fit_by_simulation(experiment, structure, *fit_inverse_problem(experiment, base))
 
 
 def better_base(model: Candidate, inverse: Experiment) -> Base | None:

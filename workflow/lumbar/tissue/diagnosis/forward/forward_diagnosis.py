@@ -16,6 +16,7 @@ from lumbar.tissue.diagnosis.forward.forward_base import (
     better_base,
     choose_forward_base,
     fit_by_simulation,
+    has_spring,
     prepare_forward,
     response_of,
     resume_fit,
@@ -39,7 +40,6 @@ from lumbar.tissue.effects.catalogue import MOTION_SENSOR, filter_forms
 from lumbar.tissue.models.bases import CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.driven_motion import can_be_simulated
 from lumbar.tissue.models.form import Effect, Form
-from lumbar.tissue.models.structure import ForwardStructure
 
 _RIVALS = 5
 """Number of sets of effects that are simulated in addition to the named sets."""
@@ -74,14 +74,16 @@ def select_by_simulation(state: DiagnosisState) -> DiagnosisState:
     if state.inverse is None and base.train_rms**2 > (1 - _MIN_EXPLAINED) * variance:
         # The motion hardly follows the force: without a response no effect can be searched.
         return after_selection(state, _Confirmation(experiment, base, state.settings))
-    usable = state.settings.limit(forward_catalogue(state.settings.searched, model, data))
+    # A base that leaves only noise lacks at most one effect.
+    most = 1 if is_adequate(base, experiment) else None
+    usable = state.settings.limit(forward_catalogue(state.settings.searched, model, data), most)
     response = response_of(model, base.fit.linear, base.fit.nonlinear)
     inverse = to_inverse_problem(experiment, response)
     search = Selection(inverse, fit_base(model, inverse), usable)
     named = search.fitted_path()
     rivals = [*search.ties(named[-1]), *search.best_sets(named[-1])]
     # A constant force shifts the motion by the static response.
-    static = float(response(np.zeros(1))[0].real)
+    static = float(response(np.zeros(1))[0].real) if has_spring(model) else 0.0
     selection = _Confirmation(experiment, base, usable, named[1:], rivals, zero_factor=-static)
     return after_selection(state, selection, inverse=inverse)
 
@@ -94,9 +96,15 @@ def reconsider_simulated_base(state: DiagnosisState) -> DiagnosisState:
     other = better_base(state.result.model, state.inverse)
     if other is None:
         return state.next(step, "no other base explains the records better with the selected effects")
-    base = simulate_base(state.result.experiment, other)
+    count, present = len(other.linear) + len(other.nonlinear), state.result.base.parameters
+    if count > present and is_adequate(state.result.model, state.result.experiment):
+        return state.next(step, "not needed: the model leaves only noise")
+    base = simulate_base(state.result.experiment, other, state.result.base.fit.structure.force_between)
     reason = f"{other.name} explains the records better with {' and '.join(state.result.selected)}; effects are selected again"
-    return select_by_simulation(state.next(step, reason, base=base, path=[base]))
+    again = select_by_simulation(state.next(step, reason, base=base, path=[base]))
+    if again.result.model.score < state.result.model.score:
+        return again
+    return state.next(step, f"{other.name} explains the records better only with the motion as input")
 
 
 def fit_whole_records(state: DiagnosisState) -> DiagnosisState:
@@ -237,7 +245,7 @@ class _Confirmation(Selection):
         """Fit models by simulation, each set of forms a single time."""
         known = {item.fit.structure.forms for item in self.tried}
         for item in models:
-            structure = ForwardStructure(self.base.fit.structure.base, item.fit.structure.forms)
+            structure = replace(self.base.fit.structure, forms=item.fit.structure.forms)
             if structure.forms and structure.forms not in known:
                 known.add(structure.forms)
                 start = item.fit.linear, item.fit.nonlinear, self.zero_factor * item.fit.zero
@@ -296,7 +304,7 @@ def refine_forward(
     for effect in usable.values():
         added = [add_form(searched, form, inverse) for form in effect.forms]
         searched = min(added, key=lambda item: item.score)
-        structure = ForwardStructure(model, searched.fit.structure.forms)
+        structure = replace(base.fit.structure, forms=searched.fit.structure.forms)
         start = searched.fit.linear, searched.fit.nonlinear, path[-1].fit.zero
         fitted = fit_by_simulation(short, structure, *start)
         fitted = fitted if short is experiment else resume_fit(experiment, fitted)

@@ -6,17 +6,19 @@ a sign is inverted, only the integral is negative. A spring absorbs no energy, a
 one reversal of the motion to the next, then decides.
 """
 
-from itertools import chain, combinations
+from itertools import chain, combinations, pairwise
 from typing import Any
 
 import numpy as np
 
 from lumbar.records.record import Record
+from lumbar.records.sampling import runs
 from lumbar.settings.layout import ColumnLayout, ColumnSettings
 from lumbar.settings.tissue import TissueSettings
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import reversals
+from lumbar.tissue.models.measured_motion import noise_of
 from lumbar.tissue.signals.spectrum import spectral_edge
 
 _MIN_SIGMAS = 4.0
@@ -41,6 +43,12 @@ _MEANS_PER_WINDOW = 32
 _BLOCKS = 12
 _MIN_RESTING_SHARE = 0.5
 """Smallest share of steps of 0 in a zero-order hold."""
+_REST_SIGMAS, _REST_SHARE = 5.0, 1e-3
+"""Largest change of a channel at rest: in standard deviations of its noise, and as a share of its range, which add up."""
+_MIN_HOLD_SAMPLES = 20
+"""Smallest number of samples of a rest."""
+_MIN_CREEP = 0.01
+"""Smallest creep at one constant force, as a share of the position's range."""
 _MIN_COMMAND_JUMP = 0.5
 """Smallest jump of a designed command from one sample to the next, as a share of its range; no position jumps so far."""
 _MAX_RESPONSE_JUMP = 0.6
@@ -57,11 +65,18 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
     The finding has the kind ``direction`` or ``sign``; its sentence ends with the lines to put into the study's YAML, in the
     column `layout` of the records, by default that of the project. A pendulum's gravity may have either sign.
     """
-    measures = [
-        _measure(record.drop_history(record.motion.position), record.drop_history(record.force))
+    signals = [
+        (record.drop_history(record.motion.position), record.drop_history(record.force))
         for record in (*experiment.training.records, *experiment.tests)
         if np.ptp(record.drop_history(record.motion.position)) > 0
     ]
+    if all(creeps_at_constant_force(*pair) for pair in signals):
+        sentence = (
+            "The force seems to drive the test: while it is constant, the position creeps on. Use --forward, or put this into "
+            f"the study's YAML:\n{_FORWARD}"
+        )
+        return Finding("direction", sentence, float(len(signals)), "records")
+    measures = [_measure(*pair) for pair in signals]
     columns = (layout or TissueSettings().layout).columns
     position, force = experiment.input_quantity, experiment.output_quantity
     jump, swapped, roughness = (_median(measures, name) for name in ("jump", "swapped_energy", "roughness"))
@@ -100,6 +115,26 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
         f"the force on the tool, put this into the study's YAML:\n{columns_yaml(output=columns['output'].other_sign)}"
     )
     return Finding("sign", sentence, value, "")
+
+
+def creeps_at_constant_force(position: np.ndarray, force: np.ndarray) -> bool:
+    """Return whether the force rests most of the time, and the position creeps on in the direction of its last change."""
+    noises, ranges = [noise_of(item) for item in (position, force)], [np.ptp(position), np.ptp(force)]
+    limits = [_REST_SIGMAS * noise + _REST_SHARE * size for noise, size in zip(noises, ranges, strict=True)]
+    resting = np.concatenate([[False], np.abs(np.diff(force)) <= np.sqrt(2) * limits[1]])
+    holds = [item for item in runs(resting) if item.stop - item.start >= _MIN_HOLD_SAMPLES]
+    holds = [item for item in holds if np.ptp(force[item]) <= 2 * limits[1]]
+    if sum(item.stop - item.start for item in holds) < _MIN_RESTING_SHARE * len(force):
+        return False
+    creeping = 0
+    for before, hold in pairwise(holds):
+        first, second, third, fourth = (part.mean() for part in np.array_split(position[hold], 4))
+        # Downwards a response is that upwards, inverted.
+        sign = np.sign(force[hold].mean() - force[before].mean())
+        early, late = sign * (second - first), sign * (fourth - third)
+        creeps = early > max(late, 0.0) and sign * (fourth - first) > max(limits[0], _MIN_CREEP * ranges[0])
+        creeping += bool(creeps)
+    return creeping > 0 and creeping >= _MIN_RESTING_SHARE * (len(holds) - 1)
 
 
 def inverted_sign_reason(record: Record) -> str:
