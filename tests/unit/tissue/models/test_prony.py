@@ -1,6 +1,7 @@
 """Prony series, read back from the files of FEBio and Abaqus and compared with the simulated relaxation of the model."""
 
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from lumbar.records.record import Channel, Record
 from lumbar.tissue.effects.catalogue import catalogues_with
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.prony import prony_series
+from lumbar.tissue.models.structure import ForwardStructure
 from refusing import has_tokens, refusal
 
 STEP = 5e-4
@@ -80,6 +82,14 @@ def test_models_without_a_series_are_refused(names, tokens):
     model = FittedModel.from_json(effect_entry(*names), catalogues_with([]))
     assert has_tokens(refusal(prony_series, model), tokens)
     assert "no Prony series" in refusal(prony_series, model)
+
+
+def test_a_model_from_force_to_motion_has_the_same_series():
+    model = base_model("QLV")
+    forward = replace(
+        model, structure=ForwardStructure(model.structure.base), input=model.output, output=model.input
+    )
+    assert prony_series(forward).abaqus() == prony_series(model).abaqus()
 
 
 def test_a_spectrum_fits_into_six_terms():

@@ -17,7 +17,7 @@ from lumbar.tissue.models.bases import LENGTH
 from lumbar.tissue.models.driven_motion import ForceBalance, can_be_simulated
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Place
-from lumbar.tissue.models.structure import Structure
+from lumbar.tissue.models.structure import ForwardStructure, Structure
 from lumbar.tissue.models.transfer_function import TransferFunction
 
 MAX_FEBIO_TERMS = 6
@@ -34,13 +34,13 @@ class PronySeries:
 
     model: FittedModel
     equilibrium: float
-    """Stiffness after a long time; of a quasi-linear base at small positions; output's unit per input's unit."""
+    """Stiffness after a long time; of a quasi-linear base at small positions; force's unit per position's unit."""
     terms: tuple[tuple[float, float], ...]
     """Stiffness that relaxes, in the same unit, and its relaxation time in seconds; the fastest first."""
 
     @property
     def instantaneous(self) -> float:
-        """Stiffness at once, in the output's unit per input's unit."""
+        """Stiffness at once, in the force's unit per position's unit."""
         return self.equilibrium + sum(stiffness for stiffness, _ in self.terms)
 
     @property
@@ -49,7 +49,7 @@ class PronySeries:
         return [(stiffness / self.instantaneous, time) for stiffness, time in self.terms]
 
     def relaxation(self, time: np.ndarray) -> np.ndarray:
-        """Return the stiffness at times after a step (s), in the output's unit per input's unit, in the shape of `time`."""
+        """Return the stiffness at times after a step (s), in the force's unit per position's unit, in the shape of `time`."""
         return self.equilibrium + sum(
             stiffness * np.exp(-np.asarray(time) / tau) for stiffness, tau in self.terms
         )
@@ -81,11 +81,14 @@ class PronySeries:
     @property
     def _remarks(self) -> list[str]:
         """Lines for the head of a file."""
-        model, unit = self.model, f"{self.model.output.unit}/{self.model.input.unit}"
+        model, position, force = self.model, self.model.input.unit, self.model.output.unit
+        if isinstance(model.structure, ForwardStructure):
+            position, force = force, position
+        unit = f"{force}/{position}"
         stiffness = f"from {self.instantaneous:.6g} {unit} at once to {self.equilibrium:.6g} {unit}"
         lines = [f"Relaxation of {model.name}, times in s: {stiffness}."]
         if model.structure.base.is_quasi_linear:
-            length = f"{model[LENGTH].value:.6g} {model.input.unit}"
+            length = f"{model[LENGTH].value:.6g} {position}"
             lines.append(
                 f"Quasi-linear: these are slopes at 0 of an elastic force that grows as exp(|z|/{length}) - 1."
             )
