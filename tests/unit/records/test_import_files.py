@@ -168,6 +168,9 @@ TABLE = [[*map(float, row)] for row in zip(TIME, FORCE, POSITION, strict=True)]
 """Rows of numbers."""
 LAYOUTS = {
     "a sum under it": ([*UNITS, *TABLE, [], [], [None, 5.5]], "line 605"),
+    "means with a label": ([*UNITS, *TABLE, [], ["Mean", 5.5, 3.1], ["Max", 7.0, 8.5]], "2 … line 604"),
+    "a repeated header": ([*UNITS, *TABLE[:300], *UNITS, *TABLE[300:]], "2 … line 303"),
+    "a maximum in a column": ([[*UNITS[0], "Force max"], UNITS[1], [*TABLE[0], 9.5], *TABLE[1:]], ""),
     "a total in the row below": ([*UNITS, *TABLE, [None, 5.5, 3.1]], "line 603"),
     "a cell to the right": ([*UNITS, [*TABLE[0], None, None, 5.5], *TABLE[1:]], "line 3, column 6 … '5.5'"),
     "empty columns to the left": ([[None, None, *row] for row in (*UNITS, *TABLE)], ""),
@@ -194,6 +197,9 @@ def test_cells_outside_a_table_are_noted_and_no_row_is_lost(tmp_path, layout, su
     write_table(tmp_path / f"a{suffix}", [[*row, *[None] * (width - len(row))] for row in table])
     imported = lumbar.import_recordings(tmp_path / f"a{suffix}")
     check(imported)
+    text = "".join(";".join("" if cell is None else str(cell) for cell in row) + "\n" for row in table)
+    (tmp_path / "a.txt").write_text(text.replace(".", ","))
+    check(lumbar.import_recordings(tmp_path / "a.txt"))
     assert not note or any(has_tokens(item, note) for item in imported[0].notes), imported[0].notes
 
 

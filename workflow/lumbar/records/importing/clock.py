@@ -227,6 +227,9 @@ def even_clock(record: Record) -> tuple[Record, str]:
         finest = float(np.median(moving)) if moving.size else float(usual.min())
         most = max(_MAX_RESAMPLED, len(record))
         step = max(finest, (record.time[-1] - record.time[0]) / most)
+        # A rate of 1, 2 or 5, so that records with other steps have a simple ratio of rates.
+        decade = 10.0 ** np.floor(np.log10(1 / step))
+        step = 1 / next(size * decade for size in (1, 2, 5, 10) if size * decade * step > 0.999)
     # A rate that differs from three digits by the rounding of its time stamps only is rounded.
     rate = 1 / step
     rounded = float(f"{rate:.3g}")
@@ -247,8 +250,7 @@ def even_clock(record: Record) -> tuple[Record, str]:
     if changes:
         spread = f"steps of {steps.min():.4g} to {steps.max():.4g} s"
         cause = f"the rate changes ({spread}): {len(record)} samples are"
-        reason = f"at most {most} samples" if step > finest else "the median rate in motion"
-        clock = f"{rate:g} Hz, {reason},"
+        clock = f"{rate:g} Hz, at least the median rate in motion unless that gives more than {most} samples,"
     else:
         dropped = int(np.sum(np.maximum(np.round(steps / step) - 1, 0)))
         spread = f"steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms"

@@ -37,9 +37,8 @@ MISSING = frozenset(
 """Texts of cells without a value, in lower case."""
 DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", None: "blanks"}
 """Delimiters with their names; the first is used if two give the same table."""
-COMMENT_MARKS = ("#", "%", "!", ";")
-_MAX_COMMENT_LINES = 2
-"""Largest number of lines between two rows that interrupt a table."""
+UNAMBIGUOUS = ("\t", ";", "|")
+"""Delimiters that are no decimal marks, so that more cells than usual are outside the table."""
 MAX_HEADER_LINES = 4
 """Number of lines above a table that may contain names and units."""
 _MIN_REPEATED_NAMES = 3
@@ -243,7 +242,7 @@ def _score_dialect(
             frozenset(n - first for n in range(first, stop) if columns[n].is_text),
             frozenset(n - first for n in range(first, stop) if columns[n].is_clock),
             first,
-            stop < usual and stop < width,
+            stop < min(usual, width) or delimiter in UNAMBIGUOUS,
         )
         for first, stop in _find_tables(columns, above)
     ]
@@ -323,8 +322,8 @@ class Block(NamedTuple):
 def find_blocks(lines: list[str], dialect: TableDialect) -> list[Block]:
     """Return every block of rows; only blank lines, faulty rows and comments may interrupt it.
 
-    A comment is at most `_MAX_COMMENT_LINES` lines of one cell, after which a column goes on as before. A few rows after a blank
-    line at the end are a block of their own: sums and means.
+    After a comment, or a repeated header, a column grows on as before. A few rows after a blank line at the end are a block of
+    their own: sums and means.
 
     Parameters
     ----------
@@ -346,7 +345,8 @@ def find_blocks(lines: list[str], dialect: TableDialect) -> list[Block]:
         others = [number for number in between if not dialect.is_faulty_row(lines[number])]
         is_whole = index - first >= MIN_ROWS > before - rows[index - MIN_ROWS]
         is_end = not between and is_whole and len(rows) - index < MIN_ROWS
-        if others and _is_comment(lines, others, (rows[first:index], rows[index:]), dialect):
+        around = rows[max(first, index - MIN_ROWS) : index], rows[index : index + MIN_ROWS]
+        if 0 < len(others) <= MAX_HEADER_LINES and _is_comment(lines, around, dialect):
             comments += others
         elif others or is_end:
             blocks.append(Block(rows[first], before, tuple(comments)))
@@ -354,15 +354,9 @@ def find_blocks(lines: list[str], dialect: TableDialect) -> list[Block]:
     return [*blocks, Block(rows[first], rows[-1], tuple(comments))]
 
 
-def _is_comment(
-    lines: list[str], others: list[int], rows: tuple[list[int], list[int]], dialect: TableDialect
-) -> bool:
-    """Return whether lines between rows are a comment: of one cell or marked, while a column grows on as before."""
-    for line in (lines[number] for number in others):
-        is_marked = line.lstrip().startswith(COMMENT_MARKS) or dialect.delimiter is None
-        if len(others) > _MAX_COMMENT_LINES or (not is_marked and sum(map(bool, dialect.split(line))) > 1):
-            return False
-    before, after = rows[0][-MIN_ROWS:], rows[1][:MIN_ROWS]
+def _is_comment(lines: list[str], rows: tuple[list[int], list[int]], dialect: TableDialect) -> bool:
+    """Return whether a column grows on between rows as before and after, so that what is between is a comment."""
+    before, after = rows
     cells = [dialect.split(lines[row]) for row in before + after]
     for column in set(range(dialect.width)) - dialect.text_columns:
         numbers = [dialect.number(row[column]) for row in cells]

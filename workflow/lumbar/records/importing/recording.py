@@ -319,10 +319,10 @@ def _to_records(
         return [_to_record(table, choices, roles, time, part, (clock, note))]
     long = [interval for interval in intervals if interval.stop - interval.start >= MIN_SAMPLES]
     first = intervals[1].start
-    gap = f"{clock[first] - clock[first - 1]:.4g} s after the sample before it at {place_of(first, lines)}"
+    gap = f"from {clock[first - 1]:.9g} to {clock[first]:.9g} s at {place_of(first, lines)}"
     if not 0 < len(long) <= _MAX_PARTS:
         raise InputError(
-            f"{table.source}: {len(intervals) - 1} gaps, the first of {gap}, leave {len(long)} parts of at least "
+            f"{table.source}: {len(intervals) - 1} gaps, the first {gap}, leave {len(long)} parts of at least "
             f"{MIN_SAMPLES} samples; 1 to {_MAX_PARTS} become records: if the rows are sampled evenly, give --time {NONE} "
             "--rate HZ"
         )

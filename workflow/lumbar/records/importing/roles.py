@@ -27,6 +27,8 @@ _ONE_LETTER_NAMES = {"time": "t", "position": "x y z", "force": "f fx fy fz"}
 """Names of one letter, which are used for other quantities too."""
 _OTHER_NAMES = frozenset([*_VELOCITIES, *_UNMEASURED, *ROLE_WORDS["others"].split()])
 """Names of other quantities and commands; columns with such names are only used if the user names them."""
+_MIN_FILLED = 0.5
+"""Smallest share of rows with a number in a column that is preferred: a heading may name a maximum."""
 _MIN_SECONDS_HZ = 20.0
 """Smallest rate at which a clock without a unit is in seconds: in milliseconds the rate would be 20 kHz or more."""
 _PLAUSIBLE_HZ = (1.0, 1e5)
@@ -389,7 +391,8 @@ def rank_columns(columns: Iterable[RawColumn], role: str) -> dict[tuple[int, boo
 
 def _find_by_name(columns: list[RawColumn], role: str) -> tuple[RawColumn, str] | None:
     """Find a column by its name, else by its unit, else as the only velocity; None without candidates."""
-    if ranks := rank_columns(columns, role):
+    filled = [column for column in columns if np.isfinite(column.values).mean() >= _MIN_FILLED]
+    if ranks := rank_columns(filled, role) or rank_columns(columns, role):
         (score, _), best = max(ranks.items())
         if len(best) > 1:
             labels = " or ".join(column.label for column in best)
@@ -449,7 +452,8 @@ def assign_unit(column: RawColumn, role: str, option: str | None, reason: str) -
         differs = unit is not None and (unit.quantity, unit.factor) != (given.quantity, given.factor)
         stated = f", while the file states {column.unit}" if differs else ""
         return Role(column, given, f"{reason}; unit {given.name}, as given by --{role}-unit{stated}")
-    step = float(np.nanmedian(np.diff(column.values)))
+    steps = np.diff(column.values[np.isfinite(column.values)])
+    step = float(np.median(steps)) if steps.size else 0.0
     if unit is not None and unit.quantity in _ALLOWED_QUANTITIES[role]:
         rate = 1 / (step * unit.factor) if role == "time" and step > 0 else None
         if rate is not None and not _PLAUSIBLE_HZ[0] <= rate <= _PLAUSIBLE_HZ[1]:

@@ -6,6 +6,7 @@ above them; `lumbar.records.importing.variables` reads MATLAB and HDF5 files.
 
 import hashlib
 import io
+import itertools
 import re
 import zipfile
 from dataclasses import replace
@@ -18,7 +19,6 @@ from lumbar.base.errors import InputError
 from lumbar.base.files import MAX_FILE_BYTES
 from lumbar.records.child_process import read_in_child
 from lumbar.records.importing.dialect import (
-    COMMENT_MARKS,
     MAX_HEADER_LINES,
     MIN_ROWS,
     MISSING,
@@ -59,7 +59,7 @@ _MAX_LABEL_CHARACTERS = 1000
 _DAY_S = 86400.0
 _MAX_LABELS = 1000
 """Largest number of distinct texts of a text column."""
-_COMMENT = re.compile(rf"^\s*[{''.join(COMMENT_MARKS)}]+\s*")
+_COMMENT = re.compile(r"^\s*[#%!;]+\s*")
 _MAX_LISTED = 3
 """Largest number of lines or cells that a note lists."""
 
@@ -197,7 +197,9 @@ def _read_lines(
     above = lines[before[-1] + 1 if before else 0 : first]
     names, units = _read_header(above, dialect)
     remarks = [] if any(names) else _remarks_on_names(above, lines[first], dialect, source)
-    notes = [] if plain is not None else _notes_on_rest(lines, runs, dialect, block)
+    notes = _notes_on_rows(lines, runs, dialect, block)
+    if plain is None and len(dialects) == 1 and dialect.delimiter is not None:
+        notes += _notes_on_cells(lines, dialect, block)
     # Columns of numbers and of times of day.
     cells = dialect.split(lines[first])
     positions = {
@@ -255,10 +257,10 @@ def _describe_table(dialect: TableDialect, block: Block, number: int, tables_abr
     return f"{number}: lines {block.first + 1} to {block.last + 1}{columns}"
 
 
-def _notes_on_rest(
+def _notes_on_rows(
     lines: list[str], runs: list[tuple[TableDialect, Block]], dialect: TableDialect, block: Block
 ) -> list[str]:
-    """Return notes on rows and cells that are not in the chosen table or another one."""
+    """Return notes on rows that are in no table, and on comments."""
     notes = [
         f"rows left out, too few for a table: {other.last - other.first + 1} from line {other.first + 1}"
         for dialect_, other in runs
@@ -266,24 +268,39 @@ def _notes_on_rest(
         and dialect_ is dialect
         and not dialect.cells_outside(lines[other.first])  # a label of settings
     ]
-    end = block.last + 1
-    if end < len(lines) and dialect.is_faulty_row(lines[end]):
-        shown = " ".join(filter(None, dialect.split(lines[end])))[:60]
-        notes.append(f"row left out, as it is not whole: line {end + 1} ({shown!r})")
+    filled = [
+        n for n in range(len(lines)) if not block.first <= n <= block.last and any(dialect.split(lines[n]))
+    ]
+    below = itertools.takewhile(
+        lambda n: dialect.is_faulty_row(lines[n]), (n for n in filled if n > block.last)
+    )
+    # Only rows with too many cells are no header.
+    above = itertools.takewhile(
+        lambda n: dialect.is_faulty_row(lines[n]) and len(dialect.split(lines[n])) > dialect.width,
+        reversed([n for n in filled if n < block.first]),
+    )
+    if faulty := sorted([*above, *below]):
+        shown = " ".join(filter(None, dialect.split(lines[faulty[0]])))[:60]
+        notes.append(
+            f"rows left out, not whole: {len(faulty)}, the first in line {faulty[0] + 1} ({shown!r})"
+        )
     if block.comments:
         shown = " ".join(filter(None, dialect.split(lines[block.comments[0]])))[:60]
         notes.append(
             f"comments between rows: {len(block.comments)}, the first in line {block.comments[0] + 1} ({shown!r})"
         )
-    if len({dialect_ for dialect_, _ in runs}) == 1 and dialect.delimiter is not None:
-        inside = range(block.first, block.last + 1)
-        outside = [(line, *cell) for line in inside for cell in dialect.cells_outside(lines[line])]
-        listed = [
-            f"line {line + 1}, column {column}: {cell[:30]!r}" for line, column, cell in outside[:_MAX_LISTED]
-        ]
-        more = ", …" if len(outside) > _MAX_LISTED else ""
-        notes += [f"cells left out, outside the table: {'; '.join(listed)}{more}"] if outside else []
     return notes
+
+
+def _notes_on_cells(lines: list[str], dialect: TableDialect, block: Block) -> list[str]:
+    """Return a note on the cells of rows that are outside the only table."""
+    inside = range(block.first, block.last + 1)
+    outside = [(line, *cell) for line in inside for cell in dialect.cells_outside(lines[line])]
+    listed = [
+        f"line {line + 1}, column {number}: {cell[:30]!r}" for line, number, cell in outside[:_MAX_LISTED]
+    ]
+    more = ", …" if len(outside) > _MAX_LISTED else ""
+    return [f"cells left out, outside the table: {'; '.join(listed)}{more}"] if outside else []
 
 
 def _read_header(above: list[str], dialect: TableDialect) -> tuple[list[str], list[str]]:
@@ -338,7 +355,8 @@ def _header_cells(line: str, dialect: TableDialect) -> list[str] | None:
     If blanks separate the columns, a name may contain a blank before its unit, or between words if two blanks separate
     names.
     """
-    line = _COMMENT.sub("", line)
+    if dialect.delimiter != ";":  # or empty columns are first
+        line = _COMMENT.sub("", line)
     splits = [dialect.split(line)]
     if dialect.delimiter is None:
         splits.append(re.split(r"\s{2,}|\t", line.strip()))
