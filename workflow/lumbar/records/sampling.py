@@ -11,6 +11,7 @@ from fractions import Fraction
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
+from lumbar.records.levels import find_levels
 from lumbar.records.record import LARGEST, MIN_SAMPLES, Record, place_of, use_load_as_input
 from lumbar.settings.layout import AXES
 
@@ -34,6 +35,12 @@ _SPEED_SAMPLES = 4
 """Samples over which the speed before a flat top is measured."""
 _RETURN_TIME_FACTOR = 4.0
 """Duration, in speed over deceleration, above which a flat top is a rest; a motion that was cut off is back in half of it."""
+
+_MIN_RESTING_SHARE = 0.5
+"""Smallest share of a record that the rests of a commanded channel take."""
+_MAX_RETURN_SHARE, _MAX_RETURN_SIGMAS = 0.01, 4.0
+"""Largest motion of the other channel beyond both ends of a commanded hold, as a share of its range and in standard deviations of
+its noise, which add up."""
 
 
 def samples_between(time: np.ndarray, trim: tuple[float, float], source: str) -> np.ndarray:
@@ -224,8 +231,27 @@ def _comes_to_rest(top: FlatTop, values: np.ndarray) -> np.ndarray:
     return rests
 
 
+def _is_commanded(values: np.ndarray, response: np.ndarray) -> bool:
+    """Return whether a channel jumps between levels, or rests most of the time while the other channel only settles.
+
+    If a motion is cut off, the other channel moves on and back, beyond its values at both ends of the hold.
+    """
+    levels = find_levels(values)
+    if levels is not None and levels.jumps:
+        return True
+    rests = [run for run in runs(np.diff(values) == 0) if run.stop - run.start >= _MIN_RUN_SAMPLES]
+    if sum(run.stop - run.start for run in rests) < _MIN_RESTING_SHARE * len(values):
+        return False
+    holds = [response[run] for run in rests]
+    beyond = [max(hold.max() - max(hold[0], hold[-1]), min(hold[0], hold[-1]) - hold.min()) for hold in holds]
+    noise = 1.4826 * float(np.median(np.abs(np.diff(response, 2)))) / np.sqrt(6)
+    return (
+        float(np.median(beyond)) <= _MAX_RETURN_SHARE * float(np.ptp(response)) + _MAX_RETURN_SIGMAS * noise
+    )
+
+
 def check_clipping(record: Record, lines: Sequence[int] | None = None, load_drives: bool = False) -> None:
-    """Raise if the force or the position of a record is clipped; a position that rests at its extreme is not.
+    """Raise if the force or the position of a record is clipped; a rest or a commanded level is not.
 
     Only input and output channels are checked, because surgeons and subjects may rest anywhere.
 
@@ -251,7 +277,15 @@ def check_clipping(record: Record, lines: Sequence[int] | None = None, load_driv
         excites = role in record.roles("input")
         if not excites and role not in (*record.roles("output"), "moment"):
             continue
-        for top in _flat_tops(channel.values):
+        tops = _flat_tops(channel.values)
+        other = (
+            role.replace("input", "output")
+            if excites
+            else role.replace("output", "input").replace("moment", "input")
+        )
+        if tops and other in record.channels and _is_commanded(channel.values, record[other]):
+            continue
+        for top in tops:
             if excites:  # a position that rests at its extreme stops only a few times, or always at one speed
                 values = channel.values
                 entries = top.starts[(top.starts >= 2) & ~_comes_to_rest(top, values)]

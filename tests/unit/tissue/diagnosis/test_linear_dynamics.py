@@ -378,6 +378,14 @@ def test_command_of_two_levels_is_not_a_position():
     assert kind((command, 0.8 * command)) is None  # the force of a stiff tissue jumps with its position
 
 
+def test_relaxing_tissue_absorbs_energy_of_steps_in_two_samples():
+    position = np.repeat(np.sign(np.random.default_rng(0).standard_normal(len(TIME) // 20)), 20)
+    position = np.convolve(position, [0.6, 0.4], "same")
+    decay = np.exp(-STEP / 0.1)
+    force = 0.3 * position + lfilter([1.0], [1.0, -decay], np.diff(position, prepend=position[0]))
+    assert kind((position, force + 0.01 * noise(len(TIME), 9))) is None
+
+
 RIGHT = ColumnLayout(
     columns={
         "time": ColumnSettings(column="t [s]", unit="s", quantity="time"),

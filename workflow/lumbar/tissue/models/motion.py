@@ -15,6 +15,7 @@ from typing import Any, Self
 import numpy as np
 import scipy
 
+from lumbar.records.levels import find_levels
 from lumbar.records.record import Record
 
 _MAX_LATEST = 8  # results of different parameters in a cache
@@ -91,7 +92,7 @@ class Motion:
 
     @classmethod
     def from_record(cls, record: Record, role: str = "input", offset: float = 0.0) -> Motion:
-        """Return the motion of one channel of a record, with the additional channels.
+        """Return the motion of one channel of a record, with the additional channels: `SteppedMotion` if it jumps between levels.
 
         Parameters
         ----------
@@ -105,7 +106,9 @@ class Motion:
         others = record.channels.keys() - {role, "input", "output"}
         channels = {name: channel.values for name, channel in record.channels.items() if name in others}
         time = record.time - record.time[0]
-        return cls(time, record[role] - offset, record.sampling_time, channels=channels)
+        levels = find_levels(record[role])
+        kind = SteppedMotion if levels is not None and levels.jumps else cls
+        return kind(time, record[role] - offset, record.sampling_time, channels=channels)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -358,7 +361,7 @@ class SampledMotion(Motion):
         """Backward difference of the velocity, shape (samples,)."""
         return np.diff(self.velocity, prepend=0.0) / self.sampling_time
 
-    def delayed(self, delay: float) -> SampledMotion:
+    def delayed(self, delay: float) -> Self:
         """Return the motion delayed by some time, linear between samples and at rest before the first sample.
 
         Parameters
@@ -369,7 +372,31 @@ class SampledMotion(Motion):
         whole, fraction = divmod(delay / self.sampling_time, 1.0)
         index = np.arange(len(self)) - int(whole)
         newer, older = self.position[np.maximum(index, 0)], self.position[np.maximum(index - 1, 0)]
-        return SampledMotion(self.time, newer + fraction * (older - newer), self.sampling_time)
+        return type(self)(self.time, newer + fraction * (older - newer), self.sampling_time)
+
+
+@dataclass(frozen=True, eq=False)
+class SteppedMotion(SampledMotion):
+    """Motion that jumps between levels, linear between samples; a spline would move before a jump.
+
+    The velocity is the smaller of the slopes to both neighbours: 0 at rest and at an extreme, also next to a jump.
+    """
+
+    @cached_property
+    def velocity(self) -> np.ndarray:
+        """Smaller of the slopes to both neighbours, 0 if their signs differ; shape (samples,)."""
+        before = self.increments / self.sampling_time
+        after = np.append(before[1:], 0.0)
+        slope = np.minimum(np.abs(before), np.abs(after))
+        return np.where(before * after > 0, np.copysign(slope, before), 0.0)
+
+    def scale(self, kind: str) -> float:
+        """Return the size of a quantity for starting values; the speed is that of the largest jump in one sample."""
+        return (
+            float(np.abs(self.increments).max()) / self.sampling_time
+            if kind == "speed"
+            else super().scale(kind)
+        )
 
 
 def _joined(name: str) -> cached_property[np.ndarray]:

@@ -34,6 +34,8 @@ class FitData:
     """True if the zero of the sensor may differ from that in training: the mean of an error is then ignored."""
     begins: int = 0
     """Index of the record's first sample; samples before it belong to earlier records of the session and only set the state."""
+    ignored: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    """Indices of samples with unknown motion, at which every error is 0."""
     cache: ResultCache = field(init=False, repr=False, default_factory=ResultCache)
     """Cache of fits to this record."""
 
@@ -92,7 +94,8 @@ class FitData:
         return signal[self.first :]
 
     def whiten(self, signal: np.ndarray) -> np.ndarray:
-        """Return the whitened signal (samples first) from the first sample that counts."""
+        """Return the whitened signal (samples first) from the first sample that counts, without the ignored samples."""
+        signal = self._drop_ignored(signal)
         if len(self.whitening) > 1:
             from scipy.signal import lfilter
 
@@ -110,11 +113,19 @@ class FitData:
 
     def error(self, simulated: np.ndarray) -> np.ndarray:
         """Return simulated minus measured force at the samples that count; without its mean if the zero is free."""
-        return self._about_zero(self.trim(simulated - self.force))
+        return self._about_zero(self.trim(self._drop_ignored(simulated - self.force)))
 
     def whitened_error(self, simulated: np.ndarray) -> np.ndarray:
         """Return `error` through the whitening filter."""
         return self._about_zero(self.whiten(simulated - self.force))
+
+    def _drop_ignored(self, signal: np.ndarray) -> np.ndarray:
+        """Return a signal (samples first) with zeros at the ignored samples."""
+        if not self.ignored.size:
+            return signal
+        signal = signal.copy()
+        signal[self.ignored[self.ignored < len(signal)]] = 0.0
+        return signal
 
     def _about_zero(self, errors: np.ndarray) -> np.ndarray:
         return errors - errors.mean() if self.has_own_zero else errors
@@ -134,6 +145,10 @@ class JointData(FitData):
     @classmethod
     def join(cls, parts: list[FitData], has_own_zero: bool = False) -> Self:
         """Return the joint data of records, with a name that lists theirs."""
+        begins = np.cumsum([0, *(len(part.force) for part in parts)])
+        ignored = [
+            item.ignored[item.ignored < len(item.force)] + at for item, at in zip(parts, begins, strict=False)
+        ]
         return cls(
             "+".join(part.name for part in parts),
             JoinedMotions(tuple(part.motion for part in parts)),
@@ -141,6 +156,7 @@ class JointData(FitData):
             parts[0].whitening,
             parts[0].settling,
             has_own_zero,
+            ignored=np.concatenate(ignored),
             parts=tuple(parts),
         )
 

@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.records.levels import Levels, find_levels
 from lumbar.records.record import Record, require_clock, require_one_axis, require_same_units
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
@@ -50,6 +51,8 @@ _BEGINNINGS, _MAX_BEGINNING_DISTANCE = 100, 0.05
 """Ratio of a record's samples to those of its beginning; largest distance of beginnings at one place, in total ranges."""
 _MIN_COPY_LENGTH, _COPY_PLACES = 64, 9
 """Number of equal samples in a row that show a copy of another record; number of places that are compared."""
+_MIN_CHANGES = 4
+"""Smallest number of changes between two levels of a binary signal; fewer are those of a test with holds."""
 _MIN_SAMPLES = 50
 """Smallest number of samples after the start of a record, which is excluded from errors."""
 _TEST_SHARE = 0.3
@@ -306,17 +309,31 @@ def prepare(
             f"{floor.rms:.3g} is noise: nothing can be fitted to it; excite more strongly"
         )
     histories = add_session_history(records) if session else {}
+    is_binary = find_two_levels(records) is not None
 
     def prepare_record(record: Record) -> FitData:
         is_alike = np.isclose(record.sampling_time, first.sampling_time)
         whitening = np.ones(1) if floor is None or not is_alike else floor.whitening
         whole, begins = histories.get(record.name, (record, 0))
         rest = whole["output"], whitening, settling[record.name]
-        return FitData(record.name, Motion.from_record(whole), *rest, begins=begins)
+        levels = find_levels(whole["input"]) if is_binary else None
+        moves = {} if levels is None else {"ignored": np.flatnonzero(~levels.resting)}
+        return FitData(record.name, Motion.from_record(whole), *rest, begins=begins, **moves)
 
     fitted, tests = list(map(prepare_record, chosen)), list(map(prepare_record, others))
     fields = {"records": tuple(records), "session": session, "settling_s": settling_s, **fields}
     return assemble_experiment(first, fitted, tests, floor, **fields)
+
+
+def find_two_levels(records: Sequence[Record]) -> Levels | None:
+    """Return the levels if the positions of all records jump again and again between the same two levels, else None.
+
+    Samples between the levels show a force of unknown speed. All jumps are alike, so that a spring, a damper, friction and any
+    curve explain them equally well.
+    """
+    levels = find_levels(np.concatenate([record["input"] for record in records]))
+    is_binary = levels is not None and levels.jumps and len(levels.values) == 2
+    return levels if is_binary and levels.changes >= _MIN_CHANGES else None
 
 
 def resting_position(positions: Sequence[np.ndarray]) -> np.ndarray:

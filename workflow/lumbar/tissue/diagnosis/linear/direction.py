@@ -81,9 +81,15 @@ def direction_or_sign(experiment: Experiment, layout: ColumnLayout | None = None
     position, force = experiment.input_quantity, experiment.output_quantity
     jump, swapped, roughness = (_median(measures, name) for name in ("jump", "swapped_energy", "roughness"))
     reason, value = "", roughness
-    if all(
-        item["held"] and item["jump"] > _MIN_COMMAND_JUMP and item["response_jump"] < _MAX_RESPONSE_JUMP
-        for item in measures
+    if (
+        all(
+            item["held"]
+            and item["jump"] > _MIN_COMMAND_JUMP
+            and item["response_jump"] < _MAX_RESPONSE_JUMP * item["jump"]
+            for item in measures
+        )
+        and _standard_errors(measures, "swapped_blocks")
+        > -_MIN_SIGMAS  # else the position's tissue absorbs energy
     ):
         value = jump
         reason = (

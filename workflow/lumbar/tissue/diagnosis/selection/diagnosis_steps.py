@@ -8,7 +8,7 @@ from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, find_two_levels, prepare
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
 from lumbar.tissue.diagnosis.selection.alternatives import (
     check_lead,
@@ -27,7 +27,7 @@ from lumbar.tissue.diagnosis.selection.diagnosis_result import (
 )
 from lumbar.tissue.diagnosis.selection.forward_selection import extend, find_ties
 from lumbar.tissue.diagnosis.selection.one_ramp import check_motion, check_one_ramp
-from lumbar.tissue.diagnosis.selection.sentences import effects_text
+from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair
 from lumbar.tissue.effects.catalogue import usable_effects
@@ -140,6 +140,31 @@ def check_direction(state: DiagnosisState) -> DiagnosisState:
     others = tuple(item for item in state.result.findings if item not in state.result.experiment.faults)
     reason = f"{finding.kind}: these records are not what a tissue model takes"
     return state.next(step, reason, finding, findings=others, **changes)
+
+
+def leave_out_unshown(state: DiagnosisState) -> DiagnosisState:
+    """Leave out the effects that a position of two levels cannot show: what is neither linear nor grows with time."""
+    step, levels = "leave out effects that two levels cannot show", find_two_levels(state.records)
+    if levels is None or isinstance(state.settings.base, Base):
+        return state.next(
+            step, "not needed: the position takes other values too, or the base is user-defined"
+        )
+
+    def is_shown(effect: Effect) -> bool:
+        has_memory = any(form.hand_written or form.state for form in effect.forms)
+        return effect.changes or (effect.linear and has_memory)
+
+    shown = {name: effect for name, effect in state.effects.items() if is_shown(effect)}
+    hidden = [readable(name) for name in state.settings.searched if name not in shown]
+    unit = state.result.experiment.input_unit
+    sentence = (
+        f"The {state.result.experiment.input_quantity} jumps between two levels, {levels.values[0]:.4g} and "
+        f"{levels.values[1]:.4g} {unit}, at which every curve is a straight line. Not identifiable and not searched: "
+        f"{', '.join(hidden)}; use a multisine or five levels."
+    )
+    searched = {name: effect for name, effect in state.settings.catalogue.items() if name in shown}
+    changes = {"settings": state.settings.limit(searched), "effects": shown}
+    return state.next(step, f"{len(hidden)} effects", Finding("two_levels", sentence, 2, "1"), **changes)
 
 
 def search_formula(state: DiagnosisState) -> DiagnosisState:
@@ -321,6 +346,7 @@ TISSUE_STEPS = (
     estimate_noise_floor,
     check_motion,
     check_direction,
+    leave_out_unshown,
     *SEARCH,
     reweigh_errors,
     find_ties,

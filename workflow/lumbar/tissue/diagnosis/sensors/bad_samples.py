@@ -41,6 +41,8 @@ _MEDIAN_WINDOW = 7
 """Number of samples of the running median that outliers are compared with."""
 _MAX_OUTLIER_SHARE = 1e-3
 """Largest share of outliers: more frequent outliers belong to the force."""
+_MIN_JUMP = 0.1
+"""Smallest step of a position that jumps, as a share of its range."""
 # Stuck values
 _MAX_RUN_LENGTH = 25
 """Largest number of repeated samples in a row; a longer rest may be intended."""
@@ -101,13 +103,16 @@ def find_gaps(record: Record) -> Repair | None:
 def find_outliers(record: Record) -> Repair | None:
     """Find single readings of the force far outside the range of all others, e.g. from a loose contact or a lost bit.
 
-    An outlier differs from the running median of seven samples by more than the range of all such medians. A jump of the force,
-    or a peak of more than one sample, is not an outlier. Outliers are replaced by linear interpolation.
+    An outlier differs from the running median of seven samples by more than the range of all such medians. A jump of the force, a
+    peak of more than one sample, or a force near a jump of the position is not an outlier. Outliers are replaced by linear
+    interpolation.
     """
     force = record["output"]
     near = sliding_window_view(np.pad(force, _MEDIAN_WINDOW // 2, "edge"), _MEDIAN_WINDOW)
     smooth = np.median(near, axis=1)
-    outliers = np.flatnonzero(np.abs(force - smooth) > np.ptp(smooth))
+    steps = np.abs(np.diff(record["input"], prepend=record["input"][0]))
+    jumps = scipy.ndimage.maximum_filter1d(steps, _MEDIAN_WINDOW) > _MIN_JUMP * np.ptp(record["input"])
+    outliers = np.flatnonzero((np.abs(force - smooth) > np.ptp(smooth)) & ~jumps)
     count = len(outliers)
     if not 0 < count <= max(1.0, _MAX_OUTLIER_SHARE * len(force)) or np.any(np.diff(outliers) == 1):
         return None

@@ -15,6 +15,7 @@ import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lumbar.base.formats import percent
+from lumbar.records.levels import find_levels
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.sensors.bad_samples import Repair
@@ -116,6 +117,9 @@ _MIN_LIKELIHOOD_RATIO = 20.0
 """Log-likelihood ratio above which both noise and jitter are needed."""
 _MIN_PART = 0.1
 """Smallest share of a reported part in the variance beyond the band."""
+# Noise at levels
+_MAX_CHANCE_SIGMAS = 5.0
+"""Largest correlation of noise with itself or the force, in standard errors."""
 # Quantisation
 _MIN_ON_STEPS = 0.9
 """Smallest share of the values of a quantised position that are on steps."""
@@ -218,6 +222,34 @@ def find_roughness(record: Record) -> Repair | None:
         findings.append(Finding("jitter", sentence, 1e3 * rough.jitter, "ms", record.name))
         smooth = _subtract_jitter(smooth, rough)
     return Repair(smooth, tuple(findings)) if findings else None
+
+
+def find_level_noise(record: Record) -> Repair | None:
+    """Find white noise of a position that rests at commanded levels, and put every level in place of its samples.
+
+    Deviations from the levels that depend on each other, or that the force follows, are motion.
+    """
+    levels = find_levels(record["input"])
+    if levels is None:
+        return None
+    values, rests = record["input"], levels.resting
+    nearest = levels.values[np.abs(values[:, None] - levels.values).argmin(axis=1)]
+    deviation = np.where(rests, values - nearest, 0.0)
+    noise = float(np.sqrt(np.mean(deviation[rests] ** 2)))
+    if noise <= _MIN_NOISE * np.std(values):
+        return None
+    both = rests[1:] & rests[:-1] & (np.diff(nearest) == 0)
+    dependence = float(np.corrcoef(deviation[1:][both], deviation[:-1][both])[0, 1])
+    followed = float(np.corrcoef(np.diff(deviation)[both], np.diff(record["output"])[both])[0, 1])
+    if max(abs(dependence), abs(followed)) > _MAX_CHANCE_SIGMAS / np.sqrt(both.sum()):
+        return None
+    channel, force = record.channels["input"], record.channels["output"].quantity
+    sentence = (
+        f"{record.name}: the {channel.quantity} at its levels has noise of {noise:.2g} {channel.unit} RMS that the {force} does "
+        "not follow. Its samples were replaced by the levels' means before fitting."
+    )
+    finding = Finding("position_noise", sentence, noise, channel.unit, record.name)
+    return Repair(record.with_values(input=np.where(rests, nearest, values)), (finding,))
 
 
 def _subtract_jitter(record: Record, rough: Roughness) -> Record:

@@ -6,6 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
+from lumbar.records.levels import find_levels
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.noise.nonrepeating import line_power, smooth_power
@@ -18,7 +19,11 @@ from lumbar.tissue.diagnosis.sensors.bad_samples import (
     find_stuck_samples,
     linear_response,
 )
-from lumbar.tissue.diagnosis.sensors.position_noise import find_rough_acceleration, find_roughness
+from lumbar.tissue.diagnosis.sensors.position_noise import (
+    find_level_noise,
+    find_rough_acceleration,
+    find_roughness,
+)
 
 CLOCK_SKEW = "clock_skew"
 _MIN_SKEW_PERIODS = MIN_FULL_PERIODS + 2
@@ -155,17 +160,21 @@ def resample_at_clock_rate(values: np.ndarray, rate: float) -> np.ndarray:
     return result
 
 
+_find_stuck_positions = partial(find_stuck_samples, role="input")
 _FINDERS = (
     find_gaps,
     find_outliers,
-    partial(find_stuck_samples, role="input"),
+    _find_stuck_positions,
     partial(find_stuck_samples, role="output"),
     find_dropped,
+    find_level_noise,
     find_roughness,
     find_rough_acceleration,
     find_skew,
 )
 """Searches for faults, ordered so that no repair hides a later fault: missing samples before noise."""
+_NEED_MOTION = {_find_stuck_positions, find_dropped, find_roughness, find_rough_acceleration}
+"""Searches that take a rest, jump or step of a smooth motion for a fault: not those of commanded levels."""
 
 
 def repair(records: Sequence[Record]) -> tuple[list[Record], list[Finding]]:
@@ -193,8 +202,9 @@ def repair(records: Sequence[Record]) -> tuple[list[Record], list[Finding]]:
 def _repair_record(record: Record) -> tuple[Record, list[Finding]]:
     """Search and repair one kind of fault after another, each in the record after the previous repairs."""
     findings: list[Finding] = []
+    excluded = _NEED_MOTION if find_levels(record["input"]) else ()
     for find in _FINDERS if np.ptp(record["input"]) > 0 else ():  # a rest shows no fault of the position
-        repaired = find(record)
+        repaired = None if find in excluded else find(record)
         if repaired is not None:
             record = repaired.record
             findings += repaired.findings

@@ -1,0 +1,68 @@
+"""Positions that rest at a few commanded levels: binary and multilevel signals, steps."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+MOST_LEVELS = 8
+"""Largest number of levels of a command; a coarse sensor has more."""
+_MIN_RESTING_SHARE = 0.5
+"""Smallest share of samples at the levels."""
+_MIN_LEVEL_SHARE = 0.01
+"""Smallest share of the resting samples at one level."""
+_TOLERANCE = 1e-4
+"""Difference of equal positions, as a share of the range: a servo settles, and digits are rounded."""
+_STEP_SIGMAS = 5.0
+"""Difference of equal positions with noise, in standard deviations of the difference of two samples."""
+_QUARTILE = 0.3186
+"""First quartile of the absolute value of a normal variable with unit variance."""
+_LEVEL_SPREADS = 7.0
+"""Largest distance of a sample from its level, in medians of the distance: five standard deviations of noise."""
+_MIN_GAP_RATIO = 4.0
+"""Smallest distance of two levels, in largest distances of a sample from its level."""
+_MAX_MOVE_SAMPLES = 2.0
+"""Largest mean number of samples between two levels of a position that jumps: its speed there is not resolved."""
+
+
+@dataclass(frozen=True, eq=False)
+class Levels:
+    """Levels at which a channel rests."""
+
+    values: np.ndarray
+    """Mean of the samples at each level, ascending, in the channel's unit."""
+    resting: np.ndarray
+    """True for each sample at a level, shape (samples,)."""
+    changes: int
+    """Number of changes of the level."""
+
+    @property
+    def jumps(self) -> bool:
+        """True if the channel moves from level to level within so few samples that its speed is unknown."""
+        return bool(np.sum(~self.resting) <= _MAX_MOVE_SAMPLES * self.changes)
+
+
+def find_levels(values: np.ndarray) -> Levels | None:
+    """Return the levels of a channel that rests most of its time at two to `MOST_LEVELS` levels; None for any other channel."""
+    span = float(np.ptp(values))
+    if span == 0 or len(values) < 2:
+        return None
+    steps = np.abs(np.diff(values))
+    # Most steps are those of a rest: their size is that of the noise. A channel that moves on has no rest within this size.
+    noise = float(np.quantile(steps, 0.25)) / _QUARTILE
+    tolerance = max(_STEP_SIGMAS * noise, _TOLERANCE * span)
+    resting = np.sort(values[1:][steps <= tolerance])
+    groups = np.split(resting, np.flatnonzero(np.diff(resting) > tolerance) + 1)
+    groups = [group for group in groups if len(group) >= max(_MIN_LEVEL_SHARE * len(resting), 2)]
+    if not 2 <= len(groups) <= MOST_LEVELS:
+        return None
+    levels = np.array([np.median(group) for group in groups])
+    spreads = [float(np.median(np.abs(group - level))) for group, level in zip(groups, levels, strict=True)]
+    width = max(_LEVEL_SPREADS * max(spreads), _TOLERANCE * span)
+    if np.diff(levels).min() < _MIN_GAP_RATIO * width:
+        return None
+    nearest = np.abs(values[:, None] - levels).argmin(axis=1)
+    at_level = np.abs(values - levels[nearest]) <= width
+    if np.mean(at_level) < _MIN_RESTING_SHARE:
+        return None
+    levels = np.array([values[at_level & (nearest == number)].mean() for number in range(len(levels))])
+    return Levels(levels, at_level, int(np.count_nonzero(np.diff(nearest[at_level]))))
