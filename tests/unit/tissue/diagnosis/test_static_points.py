@@ -136,3 +136,16 @@ def test_explain_prints_every_step_and_the_deciding_one(tmp_path):
     for item in steps:
         assert any(line.startswith(f"{item['step']}: {item['reason']}") for line in lines)
     assert [line.split(":")[0] for line in lines if line.endswith("[decided: named]")] == ["find ties"]
+
+
+@pytest.mark.parametrize("width", [0.0, 0.5])
+def test_loops_ask_for_a_clock(tmp_path, width):
+    """Loading and unloading: a loop is no law of position, and two equal branches are none."""
+    half = np.linspace(0.0, 10.0, 25)
+    direction = np.repeat([1.0, -1.0], 25)
+    path = write(
+        tmp_path / "a.csv", np.concatenate([half, half[::-1]]), lambda x: 0.02 * x**3 + width * direction
+    )
+    result = diagnose(path).result
+    assert any(item.kind == "loops" for item in result.findings) is (width > 0)
+    assert result.status == ("unexplained" if width else "named")

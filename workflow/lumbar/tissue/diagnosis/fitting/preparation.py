@@ -20,6 +20,7 @@ from lumbar.tissue.identification.metrics import settling_time
 from lumbar.tissue.models.bases import BASES
 from lumbar.tissue.models.measured_motion import for_base
 from lumbar.tissue.models.motion import Motion
+from lumbar.tissue.signals.spectrum import occupied_band
 
 _MOVE_SHARE = 0.5
 """Duration of the move between two records if their clocks show no pause, relative to the time scale of a record."""
@@ -55,6 +56,8 @@ _MIN_CHANGES = 4
 """Smallest number of changes between two levels of a binary signal; fewer are those of a test with holds."""
 _MIN_SAMPLES = 50
 """Smallest number of samples after the start of a record, which is excluded from errors."""
+_MAX_SINE_BAND = 1.5
+"""Largest ratio of the highest to the lowest frequency of a sine."""
 _TEST_SHARE = 0.3
 """Share of a record that is used as test if there is no other record."""
 
@@ -355,14 +358,22 @@ def resting_position(positions: Sequence[np.ndarray]) -> np.ndarray:
 def choose_training(
     records: Sequence[Record], train: str | Sequence[str] | None
 ) -> tuple[list[Record], list[Record]]:
-    """Return the training records, by name or the longest, and the others."""
+    """Return the training records, by name or the longest, and the others.
+
+    If the longest moves at one frequency only, it does not determine a base: the record with the most different frequency, the
+    longest of several, is fitted with it if another record is left unseen.
+    """
     if not records:
         raise InputError("no records to diagnose")
     names = [record.name for record in records]
     wanted = [train] if isinstance(train, str) else list(train or [])
     for name in set(wanted).difference(names):
         raise InputError(f"no record {name!r}; there are {', '.join(names)}")
-    chosen = [item for item in records if item.name in wanted] or [max(records, key=len)]
+    chosen = [item for item in records if item.name in wanted]
+    if not chosen:
+        chosen = [max(records, key=len)]
+        other = _partner_of_sine(chosen[0], records) if len(records) > 2 else None
+        chosen = [item for item in records if item is chosen[0] or item is other]
     check_equal_rates(chosen, "records that are fitted together")
     return chosen, [item for item in records if all(item is not one for one in chosen)]
 
@@ -393,6 +404,26 @@ def begins_at_rest(record: Record) -> bool:
             return True
     is_end = min(position[0] - position.min(), position.max() - position[0]) <= _REST_SHARE * span
     return bool(is_end and abs(rest.mean()) <= max(_UNLOADED_SHARE * size, 3 * error))
+
+
+def _partner_of_sine(sine: Record, records: Sequence[Record]) -> Record | None:
+    """Return the record whose frequency differs most from that of a sine; None if `sine` is none, or no other differs."""
+    if "input" not in sine.channels or sine.points:
+        return None
+
+    def band(record: Record) -> tuple[float, float]:
+        return (
+            occupied_band(record["input"], record.sampling_time) if np.ptp(record["input"]) else (0.0, np.inf)
+        )
+
+    low, high = band(sine)
+    if high > _MAX_SINE_BAND * low:
+        return None
+    alike = [item for item in records if np.isclose(item.sampling_time, sine.sampling_time, rtol=1e-6)]
+    bands = [(item, *band(item)) for item in alike]
+    apart = [(max(start / high, low / end), len(item)) for item, start, end in bands]
+    best = max(range(len(alike)), key=lambda number: apart[number])
+    return alike[best] if apart[best][0] > _MAX_SINE_BAND else None
 
 
 def settling_samples(record: Record, settling_s: float | None) -> int:

@@ -18,17 +18,21 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     is_adequate,
     is_worthwhile,
     refit,
+    select_forms,
 )
 from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisState, run
 from lumbar.tissue.diagnosis.selection.forward_selection import extend, select_effects
 from lumbar.tissue.diagnosis.selection.thresholds import MOST_OF_REST, TIED
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, LENGTH, QUASI_LINEAR, Base
 from lumbar.tissue.models.form import Effect
+from lumbar.tissue.models.parameter import POSITIONS
 
 TISSUE_BASES = ("KB", "KV", "Maxwell", "LE")
 """Bases of a fastened tool."""
 CONTACT_BASES = ("KB-contact", "KV-contact", "LE-contact")
 """Bases of a tool that is not fastened to the tissue."""
+_RICHEST = ("KB", "KV")
+"""Beginnings of the names of bases that are no special cases of other bases."""
 _SURFACE_TRIALS = 40
 """Number of depths at which the surface is searched."""
 _SEARCHED_SHARE = 0.06
@@ -37,6 +41,8 @@ _MAX_SPRING_RATIO = 0.9
 """Largest ratio of the squared errors of a spring with contact and a fastened spring for which contact is tried."""
 _SURFACE_EFFECTS = 3
 """Number of effects, the best in screening, with which the surface is searched again."""
+_MAX_REST_RANGES = 10.0
+"""Largest distance of a prestrain from the recorded zero, in ranges: the zero of an encoder may be anywhere farther away."""
 _MIN_FREE_SHARE = 0.03
 """Smallest share of samples above the surface."""
 _MAX_FREE_SPREAD = 0.1
@@ -56,12 +62,27 @@ def reconsider_base(state: DiagnosisState) -> DiagnosisState:
     step, result = "reconsider the base", state.result
     if state.settings.base != CHOSEN_BY_DATA or not result.selected:
         return state.next(step, "not needed: the base is given, or no effect was selected")
-    other = better_base(result.model, result.experiment)
+    model = result.model
+    other = better_base(model, result.experiment)
+    reason = f"{other} explains the records as well with fewer effects, or better"
+    # A law of position on a base without a spring may be the spring.
+    has_rival = other is None and model.fit.structure.base.name == "Maxwell"
+    if has_rival and any(form.is_static for form in model.fit.structure.forms):
+        other, reason = (
+            "KB",
+            f"{' and '.join(result.selected)} may replace a spring: effects are searched with it",
+        )
     if other is None:
         return state.next(step, "no other base explains the records better with the selected effects")
     experiment, base = find_base(result.experiment, other, state.settings.candidates)
-    reason = f"{other} explains the records better with {' and '.join(result.selected)}"
-    return select_effects(state.next(step, reason, experiment=experiment, base=base, path=[base]))
+    again = select_effects(state.next(step, reason, experiment=experiment, base=base, path=[base]))
+    new = again.result.model
+    if has_rival and not (
+        new.score < model.score - TIED
+        or (new.score < model.score + TIED and len(new.effects) < len(model.effects))
+    ):
+        return state.next(step, f"the spring is needed less than {' and '.join(result.selected)}")
+    return again
 
 
 def try_quasi_linear(state: DiagnosisState) -> DiagnosisState:
@@ -138,7 +159,33 @@ def _is_curved(model: Candidate, experiment: Experiment) -> bool:
     return length.high < longest[at]
 
 
-SEARCH = (choose_base, select_effects, reconsider_base, try_quasi_linear)
+def reconsider_origin(state: DiagnosisState) -> DiagnosisState:
+    """Select effects again with positions as recorded, if a selected effect depends on position and the origin was moved.
+
+    About a prestrain every curve is nearly a parabola; from the recorded zero it may be the curve of another law.
+    """
+    step, result = "reconsider the origin", state.result
+    experiment, model = result.experiment, result.model
+    rest, span = abs(experiment.rest[0]), float(np.ptp(experiment.training.motion.position))
+    is_moved = 0 < rest < _MAX_REST_RANGES * span and experiment.surface == experiment.rest[0]
+    forms = [form for form in model.fit.structure.forms if not form.hand_written]
+    if not is_moved or not any(form.parsed_equation.signals & set(POSITIONS) for form in forms):
+        return state.next(
+            step, "not needed: no effect counts positions from another zero than the recorded one"
+        )
+    recorded = experiment.shift_origin(0.0, rest=(0.0,))
+    base = fit_base(model.fit.structure.base, recorded)
+    reason = "effects are searched with positions from their recorded zero"
+    again = select_effects(state.next(step, reason, experiment=recorded, base=base, path=[base]))
+    if again.result.model.score >= model.score + TIED:
+        return state.next(
+            step,
+            f"positions from {experiment.rest[0]:.4g} {experiment.input_unit} explain the records better",
+        )
+    return again
+
+
+SEARCH = (choose_base, select_effects, reconsider_base, reconsider_origin, try_quasi_linear)
 """Steps from prepared records to the selected model."""
 
 
@@ -195,7 +242,7 @@ def better_base(model: Candidate, experiment: Experiment) -> str | None:
 
     Without its effects the base may have a Maxwell branch instead of them. Another base without fewer parameters must be as
     worthwhile as a further effect: a branch can absorb a little of any model's error, and its spring then changes the other
-    parameters (a mass m with a dashpot b is m + bτ with a branch).
+    parameters (a mass m with a dashpot b is m + bτ with a branch). With fewer of the effects it need only explain them as well.
     """
     current = model.fit.structure.base
     names = CONTACT_BASES if current.contact else TISSUE_BASES
@@ -206,7 +253,14 @@ def better_base(model: Candidate, experiment: Experiment) -> str | None:
         if item.score < model.score - TIED
         and (item.parameters < model.parameters or is_worthwhile(bare, model, item, experiment))
     ]
-    best = min(better, key=lambda item: item.score, default=None)
+    # Without an effect only a base that has an element more can explain as much.
+    forms = model.fit.structure.forms
+    richer = [name for name in names if name[:2] in _RICHEST and name != current.name]
+    for dropped in forms if len(forms) > 1 else ():
+        kept = select_forms(model.fit, [form for form in forms if form is not dropped])
+        simpler = (exchange_base(replace(model, fit=kept), BASES[name], experiment) for name in richer)
+        better += [item for item in simpler if item.score < model.score + TIED]
+    best = min(better, key=lambda item: (len(item.effects), item.score), default=None)
     return best and best.fit.structure.base.name
 
 

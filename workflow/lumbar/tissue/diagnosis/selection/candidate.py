@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import scipy
@@ -13,7 +14,8 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.noise.noise_floor import autocovariance, prediction_error_filter
 from lumbar.tissue.diagnosis.selection.thresholds import MOST_OF_REST, WORTHWHILE, WORTHWHILE_BLIND
 from lumbar.tissue.models.bases import Base
-from lumbar.tissue.models.form import Form
+from lumbar.tissue.models.form import Form, Place
+from lumbar.tissue.models.model_data import FittedParameter
 from lumbar.tissue.models.motion import Motion
 from lumbar.tissue.models.structure import Structure
 
@@ -30,6 +32,10 @@ _STUDENT_FREEDOM = 4
 """Degrees of freedom of Student's t for unseen errors."""
 _BOUND_SHARE = 1e-3
 """Distance from a bound, as a share of the logarithmic range, within which a parameter counts as at the bound."""
+_MIN_CURVED_SHARE = 0.01
+"""Smallest share of a law of position, by standard deviation, that is not a straight line over the records' positions."""
+_MAX_FALL_SHARE = 0.2
+"""Largest fall of the measured force, as a share of its range, while the force before a one-to-one output curve rises."""
 _MIN_OPTIMUM_GAIN = 1e-4
 """Smallest relative difference of the squared errors of two optima: fits that end in one optimum differ by less."""
 
@@ -271,6 +277,7 @@ def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
 
     - No force that an effect adds differs significantly from 0, neither one force nor all together; if the form names essential
       forces, only these count.
+    - A law of position is a straight line over the records' positions, or an output curve would have to bend back.
     - A parameter that decides whether the mechanism exists is at the end of its range.
     - The form itself rejects its parameters (`Form.contradiction`): a limit that the record exceeds, less than two cycles of a
       disturbance, or a frequency on the grid of the excitation.
@@ -286,13 +293,13 @@ def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
     position = len(structure.base.nonlinear)
     for form in structure.forms:
         parameters = [item for item in known if item.effect == form.effect]
-        names = form.essential or tuple(item.name for item in form.linear)
-        sizes = [item for item in parameters if item.name in names]
-        is_significant = any(item.low > 0 or item.high < 0 for item in sizes) or (
-            len(sizes) > 1 and _are_jointly_significant(form, names, fit, training)
-        )
-        if sizes and not is_significant:
+        if _is_neutral(form, parameters, fit, training):
+            names = form.essential or tuple(item.name for item in form.linear)
             sentences.append(f"{form.effect}: the interval of {', '.join(names)} holds 0")
+        elif _is_straight(form, parameters, fit, experiment):
+            sentences.append(f"{form.effect}: its force is that of a linear spring in these records")
+        elif form.place is Place.OUTPUT and form.is_static and _falls_behind(fit, experiment):
+            sentences.append(f"{form.effect}: the {experiment.output_quantity} falls where its force rises")
         for shape in form.nonlinear:
             if shape.decisive:
                 value, least, most = fit.nonlinear[position], low[position], high[position]
@@ -303,6 +310,52 @@ def contradictions(fit: Fit, experiment: Experiment) -> list[str]:
             values = {item.name: item.value for item in parameters}
             sentences += _form_contradiction(form, values, fit, experiment)
     return sentences
+
+
+def is_neutral(fit: Fit, experiment: Experiment) -> bool:
+    """Return whether no essential force of an effect differs from 0: the model is then a simpler one under another name."""
+    known = uncertainty.estimates(fit, experiment.training, experiment.input_unit, experiment.output_unit)
+    return any(
+        _is_neutral(form, [item for item in known if item.effect == form.effect], fit, experiment.training)
+        for form in fit.structure.forms
+        if form.essential
+    )
+
+
+def _is_neutral(form: Form, parameters: list[FittedParameter], fit: Fit, training: FitData) -> bool:
+    """Return whether none of the forces that decide whether a form acts differs significantly from 0."""
+    names = form.essential or tuple(item.name for item in form.linear)
+    sizes = [item for item in parameters if item.name in names]
+    if not sizes or any(item.low > 0 or item.high < 0 for item in sizes):
+        return False
+    return len(sizes) == 1 or not _are_jointly_significant(form, names, fit, training)
+
+
+def _is_straight(form: Form, parameters: list[FittedParameter], fit: Fit, experiment: Experiment) -> bool:
+    """Return whether the force of a law of position is a straight line over the positions of all records."""
+    if form.axes or form.place is not Place.PARALLEL or not form.is_static:
+        return False
+    motions = [item.motion for item in (*experiment.training.records, *experiment.tests)]
+    _, nonlinear = fit.structure.nonlinear_of(fit.nonlinear)
+    columns = np.hstack([form.columns(motion, nonlinear[form.key]) for motion in motions])
+    force = np.array([item.value for item in parameters[: len(form.linear)]]) @ columns
+    position = np.concatenate([motion.position for motion in motions])
+    line = np.polynomial.Polynomial.fit(position, force, 1)
+    return bool(np.std(force - line(position)) <= _MIN_CURVED_SHARE * np.std(force))
+
+
+def _falls_behind(fit: Fit, experiment: Experiment) -> bool:
+    """Return whether the measured force falls while the force before the output forms rises: no one-to-one curve does that."""
+    for data in (*experiment.training.records, *experiment.tests):
+        inner = fit.structure.design(data.motion, fit.nonlinear) @ fit.linear
+        least = _MAX_FALL_SHARE * float(np.ptp(data.force))
+        direction = np.sign(np.diff(inner))
+        starts = [0, *(np.flatnonzero(np.diff(direction)) + 1), len(direction)]
+        for first, last in pairwise(starts):
+            measured = direction[first] * data.force[first : last + 1]
+            if np.max(np.maximum.accumulate(measured) - measured) > least:
+                return True
+    return False
 
 
 def _are_jointly_significant(form: Form, names: tuple[str, ...], fit: Fit, training: FitData) -> bool:

@@ -6,6 +6,7 @@ record and of the unseen records together: a wrong effect also lowers the traini
 
 from collections.abc import Callable
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     contradictions,
     drop_effect,
     is_adequate,
+    is_neutral,
     is_worthwhile,
     likelihood_ratio,
     loss_improvement,
@@ -47,6 +49,8 @@ _MAX_REFITS = 3
 _EARLY_SHARE = 0.6
 """Share of the training record from which the rest is predicted."""
 _AKAIKE_COST = 2.0
+_MEDIAN_THIRD_DIFFERENCE = 0.6745 * np.sqrt(20.0)
+"""Median size of the third differences of white noise, in its standard deviations."""
 _RANKED_SETS = 10
 
 
@@ -216,7 +220,8 @@ class Selection:
         if first is None:
             return path
         best = exchange(first, catalogue, experiment, self.polished)
-        model = best if best.test_rms <= first.test_rms * 1.001 else first
+        is_better = best.test_rms <= first.test_rms * 1.001 and self.is_further(path[-1], best)
+        model = best if is_better else first
         # Further effects as long as they are worth it.
         while len(model.effects) < most and not is_adequate(model, experiment):
             more = extend(model, catalogue, experiment, most=4)
@@ -247,19 +252,21 @@ class Selection:
         """Return other sets of at most the same number of effects that explain all records equally well.
 
         Each further parameter of another set counts 2 (Akaike, IEEE Trans. Autom. Control 19 (1974) 716-723), not the logarithm
-        of the records' size: the sampling rate must not distinguish sets that explain all records equally well.
+        of the records' size: the sampling rate must not distinguish sets that explain all records equally well. A set with an
+        effect that does not act is a simpler set under another name.
         """
         if model is self.base:
             return []
         discount = float(np.log(self.experiment.size)) - _AKAIKE_COST
-        return [
+        likely = [
             item
-            for item in best_by_effect([*self.tried, model])
+            for item in self.tried
             if set(item.effects) != set(model.effects)
             and len(item.effects) <= len(model.effects)
             and item.score - model.score - max(item.parameters - model.parameters, 0) * discount
             < thresholds.TIED
         ]
+        return best_by_effect([item for item in likely if not is_neutral(item.fit, self.experiment)])
 
     def share_removed(self, model: Candidate) -> float:
         """Return the share of the base's unseen error variance, without known noise, that the effects remove."""
@@ -272,12 +279,21 @@ class Selection:
         if model is self.base:
             lacking = self.periods_differ or not is_adequate(self.base, self.experiment)
             return Status.UNEXPLAINED if lacking else Status.ADEQUATE
+        least = thresholds.EXPLAINS
+        if self.experiment.floor is None and model.test_rms > thresholds.MANY_SCATTERS * self._scatter:
+            least = thresholds.EXPLAINS_NEARLY_ALL
         # In a hold any force of time explains most of the error.
         is_share_enough = self.experiment.floor is not None or not self.experiment.is_one_way
-        explains = (is_share_enough and share >= thresholds.EXPLAINS) or is_adequate(model, self.experiment)
+        explains = (is_share_enough and share >= least) or is_adequate(model, self.experiment)
         if not (model.fit.converged and explains):
             return Status.UNEXPLAINED
         return Status.TIED if tied else Status.NAMED
+
+    @property
+    def _scatter(self) -> float:
+        """RMS noise of the unseen forces, from third differences of neighbouring samples: slow forces hardly change them."""
+        steps = np.concatenate([np.diff(item.trim(item.force), 3) for item in self.experiment.tests])
+        return float(np.median(np.abs(steps))) / _MEDIAN_THIRD_DIFFERENCE
 
     @property
     def periods_differ(self) -> bool:
@@ -311,8 +327,13 @@ class Selection:
     def best_sets(self, model: Candidate) -> list[Candidate]:
         """Return the selected set, then the other sets that were tried, best first."""
         chosen = [] if model is self.base else [model]
-        sets = sort_by_score(best_by_effect([*self.tried, *chosen]))
-        return [*chosen, *(item for item in sets if set(item.effects) != set(model.effects))][:_RANKED_SETS]
+        sets = (
+            item
+            for item in sort_by_score(best_by_effect(self.tried))
+            if set(item.effects) != set(model.effects)
+        )
+        acting = (item for item in sets if not is_neutral(item.fit, self.experiment))
+        return [*chosen, *islice(acting, _RANKED_SETS - len(chosen))]
 
     def ranking(self, model: Candidate) -> list[Ranked]:
         """Return `best_sets` with p-values and parameters."""

@@ -22,7 +22,7 @@ from lumbar.tissue.diagnosis.selection.base_choice import first_surface, fit_at_
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, fit_base
 from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisState, Status
 from lumbar.tissue.diagnosis.selection.forward_selection import Selection, extend, find_ties, select_effects
-from lumbar.tissue.diagnosis.selection.thresholds import UNSEEN
+from lumbar.tissue.diagnosis.selection.thresholds import LEVEL, UNSEEN
 from lumbar.tissue.effects.catalogue import filter_forms
 from lumbar.tissue.models.bases import BASES, CHOSEN_BY_DATA, Base
 from lumbar.tissue.models.motion import Motion
@@ -96,6 +96,32 @@ def choose_spring(state: DiagnosisState) -> DiagnosisState:
     return state.next("choose the base", reason, experiment=experiment, base=base, path=[base])
 
 
+def check_loops(state: DiagnosisState) -> DiagnosisState:
+    """Check whether the force differs between loading and unloading: no law of position explains a loop."""
+    step, result = "check loops", state.result
+    experiment, model = result.experiment, result.model
+    forward, backward = [], []
+    for record in experiment.records:
+        position = record["input"] - experiment.surface
+        error = record["output"] - model.fit.simulate(Motion(np.arange(float(len(position))), position, 1.0))
+        # A point belongs to the direction in which the table both reaches and leaves it.
+        steps = np.sign(np.diff(position))
+        direction = np.concatenate([[0.0], np.where(steps[:-1] == steps[1:], steps[1:], 0.0), [0.0]])
+        forward += error[direction > 0].tolist()
+        backward += error[direction < 0].tolist()
+    width = abs(float(np.mean(forward) - np.mean(backward))) if min(len(forward), len(backward)) > 2 else 0.0
+    scatter = np.std([*forward, *backward]) if width else 0.0
+    if width <= scatter or scipy.stats.ttest_ind(forward, backward, equal_var=False).pvalue > LEVEL**2:
+        return state.next(step, "the force does not differ between loading and unloading")
+    unit, quantity = experiment.output_unit, experiment.output_quantity
+    sentence = (
+        f"The {quantity} differs by {width:.3g} {unit} between loading and unloading: the points form loops, which no law of "
+        f"{experiment.input_quantity} explains. Give a clock: a column of times, or '--rate' of 'lumbar import'."
+    )
+    changes = {"status": Status.UNEXPLAINED, "refined_status": Status.UNEXPLAINED, "tied_with": []}
+    return state.next(step, "loops: give a clock", Finding("loops", sentence, width, unit), **changes)
+
+
 def check_curve(state: DiagnosisState) -> DiagnosisState:
     """Check whether errors of neighbouring points are correlated: the points then follow a curve that no tried law describes."""
     step, result = "check the curve", state.result
@@ -128,6 +154,7 @@ POINT_STEPS = (
     choose_spring,
     partial(select_effects, kind=StaticSelection),
     find_ties,
+    check_loops,
     check_curve,
     report_zeros,
 )

@@ -28,6 +28,11 @@ COMPLETE = 1.2
 is larger than 1, because estimated parameters add a small error on records to which they were not fitted."""
 EXPLAINS = 0.5
 """Smallest share of the base's unseen error variance, without known noise, that named effects remove."""
+MANY_SCATTERS = 10.0
+"""Ratio of the error left to the scatter of neighbouring samples above which `EXPLAINS_NEARLY_ALL` replaces `EXPLAINS`, if no
+record repeats."""
+EXPLAINS_NEARLY_ALL = 0.95
+"""Smallest share of the base's unseen error variance that named effects remove if the error left is many times the scatter."""
 TIED = 9.2
 """Difference in twice the log-likelihood below which two effects cannot be distinguished (odds of 100 to 1)."""
 STRUCTURED = 0.2
