@@ -110,6 +110,12 @@ class NoiseFloor:
         return next(taps * np.sqrt(gain) for taps, gain in filters if gain >= _ORDER_GAIN * full_gain)
 
     @property
+    def changing_response_rms(self) -> float:
+        """RMS of the parts of `structured` that change the response; drift and lines have no relation to the input."""
+        unrelated = (DRIFT, LINE)
+        return float(np.sqrt(sum(rms**2 for text, rms in self.structured if not text.startswith(unrelated))))
+
+    @property
     def certain_structure_rms(self) -> float:
         """`structured_rms`; 0 if its only part is a drift that noise of low frequency may cause (99 %)."""
         wandering = self.rms * np.sqrt(_NORMAL_99 * np.sqrt(2 / self.degrees_of_freedom))

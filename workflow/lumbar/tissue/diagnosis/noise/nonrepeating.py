@@ -30,6 +30,8 @@ _SETTLING_TIMES = (0.5, 1.0, 2.0, 4.0, 8.0)
 """Time constants of drifts in periods; with a straight line, these drifts approximate every monotonic course."""
 _CLIP_SIGMAS = 3.5
 """Standard deviations to which samples are clipped before directions over the periods are searched."""
+_NEIGHBOURS = 7
+"""Number of samples of the running median from which a single outlier is far."""
 _NORMAL_MEDIAN = 0.6745
 """Median of the absolute value of a standard normal variable."""
 _TAPERED_SHARE = 2 / 3
@@ -153,7 +155,8 @@ class StructureSearch:
             if energy > best_energy:
                 best, best_energy = line, energy
         # A few outliers could make their period a direction. Clipped, they cannot; a change of the response, in many samples,
-        # stays far above the noise.
+        # stays far above the noise. The mean of the periods and the filter spread an outlier: it is clipped before both.
+        whitened = self._whiten(_subtract_spikes(self.rest), level)
         limit = _CLIP_SIGMAS * (np.median(np.abs(whitened) / self.taper) / _NORMAL_MEDIAN) * self.taper
         if _has_direction(np.clip(whitened, -limit, limit), self.free_rows):
             values = np.linalg.eigvalsh(whitened @ whitened.T)
@@ -331,6 +334,16 @@ def _sinusoids(shape: tuple[int, int], frequency: float, harmonics: int = 1) -> 
     phase = 2 * np.pi * frequency * np.arange(shape[0] * shape[1]).reshape(shape)
     multiples = range(1, harmonics + 1)
     return _subtract_mean(np.stack([wave(k * phase) for k in multiples for wave in (np.cos, np.sin)]))
+
+
+def _subtract_spikes(rows: np.ndarray) -> np.ndarray:
+    """Return deviations of periods whose distance from the medians of all periods and of neighbouring samples is limited."""
+    apart = rows - np.median(rows, axis=0)
+    around = np.pad(apart, ((0, 0), (_NEIGHBOURS // 2, _NEIGHBOURS // 2)), "edge")
+    near = np.median(np.lib.stride_tricks.sliding_window_view(around, _NEIGHBOURS, axis=1), axis=-1)
+    limit = _CLIP_SIGMAS * np.median(np.abs(apart - near)) / _NORMAL_MEDIAN
+    apart = near + np.clip(apart - near, -limit, limit)
+    return apart - apart.mean(axis=0)
 
 
 def _subtract_mean(signals: np.ndarray) -> np.ndarray:

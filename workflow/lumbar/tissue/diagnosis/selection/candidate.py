@@ -11,6 +11,7 @@ from lumbar.tissue.diagnosis.fitting import joint_fit, uncertainty
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import Fit, shape_bounds
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.noise.input_relation import ModelError, is_related
 from lumbar.tissue.diagnosis.noise.noise_floor import autocovariance, prediction_error_filter
 from lumbar.tissue.diagnosis.selection.thresholds import MOST_OF_REST, WORTHWHILE, WORTHWHILE_BLIND
 from lumbar.tissue.models.bases import Base
@@ -235,6 +236,26 @@ def _predictability(errors: np.ndarray) -> float:
     _, gained = prediction_error_filter(autocovariance(errors, order) / size)
     # White noise gains by chance one part in its size for each coefficient.
     return float(np.sqrt(max(gained * (1 - order / size), 1.0)))
+
+
+def leaves_noise(candidate: Candidate, experiment: Experiment, factor: float = ADEQUATE) -> bool:
+    """Return whether a model is adequate, or its errors on all records have no relation to the input and explain little force.
+
+    Noise that differs from period to period or is coloured, e.g. hum, spikes or a wandering zero, then exceeds the floor.
+    """
+    if is_adequate(candidate, experiment, factor):
+        return True
+    records = (*experiment.training.records, *experiment.tests)
+    one_way = experiment.is_one_way  # a single ramp or hold cannot show a relation
+    if experiment.points or one_way or not all(isinstance(record.motion, Motion) for record in records):
+        return False
+    errors = [ModelError(candidate.fit.errors(item), item.motion, item.first) for item in records]
+    if any(
+        np.mean(error.values**2) > _MAX_LEFT_SHARE * np.var(item.trim(item.force))
+        for error, item in zip(errors, records, strict=True)
+    ):
+        return False
+    return is_related(errors) is False
 
 
 def is_worthwhile(base: Candidate, before: Candidate, after: Candidate, experiment: Experiment) -> bool:

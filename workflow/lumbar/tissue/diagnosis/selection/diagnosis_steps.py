@@ -25,7 +25,7 @@ from lumbar.tissue.diagnosis.selection.diagnosis_result import (
     Status,
     run,
 )
-from lumbar.tissue.diagnosis.selection.forward_selection import extend, find_ties
+from lumbar.tissue.diagnosis.selection.forward_selection import extend, find_ties, report_noise
 from lumbar.tissue.diagnosis.selection.one_ramp import check_motion, check_one_ramp
 from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable
 from lumbar.tissue.diagnosis.selection.thresholds import COMPLETE
@@ -356,6 +356,7 @@ TISSUE_STEPS = (
     report_zeros,
     check_one_ramp,
     check_rate_independence,
+    report_noise,
     compare_records,
     search_formula,
 )

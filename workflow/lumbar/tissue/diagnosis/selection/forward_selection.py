@@ -12,10 +12,12 @@ import numpy as np
 
 from lumbar.base.formats import percent
 from lumbar.base.progress import track
+from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit, screen
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
+from lumbar.tissue.diagnosis.noise.input_relation import kind_of_noise
 from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection import thresholds
 from lumbar.tissue.diagnosis.selection.candidate import (
@@ -27,6 +29,7 @@ from lumbar.tissue.diagnosis.selection.candidate import (
     is_adequate,
     is_neutral,
     is_worthwhile,
+    leaves_noise,
     likelihood_ratio,
     loss_improvement,
     order_effects,
@@ -277,7 +280,7 @@ class Selection:
     def status(self, model: Candidate, tied: list[Candidate], share: float) -> Status:
         """Return the status of the base."""
         if model is self.base:
-            lacking = self.periods_differ or not is_adequate(self.base, self.experiment)
+            lacking = self.periods_differ or not leaves_noise(self.base, self.experiment)
             return Status.UNEXPLAINED if lacking else Status.ADEQUATE
         least = thresholds.EXPLAINS
         if self.experiment.floor is None and model.test_rms > thresholds.MANY_SCATTERS * self._scatter:
@@ -297,9 +300,9 @@ class Selection:
 
     @property
     def periods_differ(self) -> bool:
-        """True if periods differ by more than noise: something is missing, even if it raises the floor."""
+        """True if the response changes from period to period: something is missing, even if it raises the floor."""
         floor = self.experiment.floor
-        return floor is not None and floor.certain_structure_rms > thresholds.STRUCTURED * floor.rms
+        return floor is not None and floor.changing_response_rms > thresholds.STRUCTURED * floor.rms
 
     def further(self, model: Candidate) -> Candidate | None:
         """Return the refined model with the effect that one more step of the search would add.
@@ -321,7 +324,7 @@ class Selection:
             return Status.NAMED
         if self.periods_differ and not any(self.settings.candidates[name].changes for name in model.effects):
             return Status.UNEXPLAINED  # an effect of time or path is missing
-        is_complete = is_adequate(model, self.experiment, thresholds.COMPLETE)
+        is_complete = leaves_noise(model, self.experiment, thresholds.COMPLETE)
         return Status.ADEQUATE if is_complete else Status.UNEXPLAINED
 
     def best_sets(self, model: Candidate) -> list[Candidate]:
@@ -387,3 +390,20 @@ def find_ties(state: DiagnosisState) -> DiagnosisState:
         further=further,
         ranking=selection.ranking(model),
     )
+
+
+def report_noise(state: DiagnosisState) -> DiagnosisState:
+    """Report the kind of the noise that a complete model leaves, if it is not the noise of the floor."""
+    step, model, experiment = "report other noise", state.result.model, state.result.experiment
+    if state.result.refined_status != Status.ADEQUATE or is_adequate(model, experiment, thresholds.COMPLETE):
+        return state.next(
+            step, "not needed: the model is incomplete, or the noise it leaves is white or known"
+        )
+    record, unit = experiment.training.records[0], experiment.output_unit
+    rms = model.fit.rms(record)
+    kind, description = kind_of_noise(model.fit.errors(record), record.motion.sampling_time)
+    sentence = (
+        f"{record.name}: the error left ({rms:.3g} {unit}) has no relation to the {experiment.input_quantity} and counts as "
+        f"noise; it is {description}."
+    )
+    return state.next(step, description, Finding(kind, sentence, rms, unit, record.name))
