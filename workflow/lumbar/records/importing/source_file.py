@@ -238,7 +238,7 @@ def _read_lines(
 
 def _read_plain_table(lines: list[str], dialect: TableDialect) -> NumberTable | None:
     """Return the numbers of a text that has only rows of numbers from its first row to its end; None for another text."""
-    if dialect.left or dialect.is_cut:
+    if dialect.left:
         return None
     last = next((n for n in range(len(lines), 0, -1) if lines[n - 1].strip()), 0)
     first = next((n for n in range(last) if dialect.is_row(lines[n])), last)
