@@ -70,7 +70,7 @@ def judge(label: Label, answer: Answer) -> tuple[str, str]:
     if (
         label.may_decline
         and not selected - hidden
-        and (verdict != "adequate" or label.protocol in _TWO_LEVELS)
+        and (verdict != "adequate" or label.protocol.split(",")[0] in _TWO_LEVELS)
     ):
         return "right", "declined"
     return ("flagged", why) if verdict == "unexplained" else ("WRONG", why)

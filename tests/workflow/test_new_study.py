@@ -89,7 +89,7 @@ def test_marker_sets_and_axes_of_real_recordings_are_recognised(shared, tmp_path
     """Axes as their READMEs and the studies of the project state them, or the walking direction."""
     shutil.copy(shared / "real" / "lifting" / name, tmp_path)
     found = lumbar.new_study(tmp_path).recordings[0].set
-    assert found.axes == (up, forward)
+    assert (found.axes.up, found.axes.forward) == (up, forward)
     if "sts" not in name:
         assert {"C7", "T12", "L5", "SACRUM", "R_WRIST"} <= set(found.aliases)
     # Traps: markers on the thigh that are called hips.

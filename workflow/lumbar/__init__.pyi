@@ -6,6 +6,7 @@ from lumbar.base.errors import NumericalError as NumericalError
 from lumbar.interface.comparison import compare as compare
 from lumbar.interface.comparison import locate as locate
 from lumbar.interface.device import export_fmu as export_fmu
+from lumbar.interface.device import export_prony as export_prony
 from lumbar.interface.device import load_models as load_models
 from lumbar.interface.device import render as render
 from lumbar.interface.diagnose import diagnose as diagnose

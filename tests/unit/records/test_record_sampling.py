@@ -27,7 +27,6 @@ def record_of(time, *channels, name="r") -> Record:
     ("change", "message"),
     [
         (lambda t, v: (t, np.where(np.arange(50) == 6, np.nan, v)), r"sample 7\b.*input.*nan"),
-        (lambda t, v: (t, np.full(50, 2.0)), r"input\b.*constant.*\b2\b"),
         (lambda t, v: (np.where(np.arange(50) == 9, 0.0, t), v), r"sample 10\b.*\b0 s.*\b0\.08 s"),
         (lambda t, v: (t + 0.01 * (np.arange(50) >= 20), v), r"sample 21\b.*\b0\.02 s"),
         (lambda t, v: (t**1.2, v), "evenly"),

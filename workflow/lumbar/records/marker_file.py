@@ -211,7 +211,9 @@ def check_even(source: str, printed: np.ndarray, even: np.ndarray, rate: float, 
         )
 
 
-def even_clock(source: str, printed: np.ndarray, declared: float | None = None) -> tuple[np.ndarray, float]:
+def clock_from_times(
+    source: str, printed: np.ndarray, declared: float | None = None
+) -> tuple[np.ndarray, float]:
     """Return the times of an even clock in seconds, shape (n_frames,), and its rate, from printed times.
 
     Parameters

@@ -25,7 +25,7 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.records.marker_file import (
     MarkerFile,
     NoMarkersError,
-    even_clock,
+    clock_from_times,
     mark_missing,
     read_frames,
     split_points,
@@ -85,7 +85,7 @@ def read_marker_table(path: str | os.PathLike, rate: float | None = None) -> Mar
     frames = read_frames(table.rows, len(table.header), str(path), dialect)
     rate = rate or table.rate
     if columns.time is not None:
-        times, rate = even_clock(str(path), frames[:, columns.time] * columns.seconds, rate)
+        times, rate = clock_from_times(str(path), frames[:, columns.time] * columns.seconds, rate)
     elif rate is not None:
         times = np.arange(len(frames)) / rate
     else:

@@ -21,7 +21,7 @@ from lumbar.records.marker_file import (
     RATES_HZ,
     MarkerFile,
     check_even,
-    even_clock,
+    clock_from_times,
     mark_missing,
     read_frames,
     split_points,
@@ -176,7 +176,7 @@ def _read_clock(
 ) -> tuple[np.ndarray, float, tuple[str, ...]]:
     """Return the times of an even clock, its rate, and a note if the header states no rate."""
     if not header.rate:
-        even, rate = even_clock(str(path), printed)
+        even, rate = clock_from_times(str(path), printed)
         return even, rate, (f"DataRate is 0; the times run at {rate:g} Hz, which was taken",)
     # Times of the frames at the stated rate, compared with the printed ones. A printed time is off by half its last digit; a
     # rate printed with few digits drifts over a recording.

@@ -112,7 +112,7 @@ def test_values_repeated_by_rounding_and_resampling_are_not_stuck(seed):
     position = 8 * np.abs((time / 20) % 1 - 0.5)
     force = np.round(0.5 * position + 0.01 * random.standard_normal(2600), 4)
     uneven = replace(recorded(position, force), time=time)
-    assert "held_samples" not in kinds(even_clock(uneven, None)[0])
+    assert "held_samples" not in kinds(even_clock(uneven)[0])
 
 
 def test_missing_rows_are_interpolated_and_reported(tmp_path):

@@ -143,7 +143,7 @@ def check_direction(state: DiagnosisState) -> DiagnosisState:
 
 
 def leave_out_unshown(state: DiagnosisState) -> DiagnosisState:
-    """Leave out the effects that a position of two levels cannot show: what is neither linear nor grows with time."""
+    """Leave out the effects that a position of two levels cannot show: all but linear effects with memory."""
     step, levels = "leave out effects that two levels cannot show", find_two_levels(state.records)
     if levels is None or isinstance(state.settings.base, Base):
         return state.next(
@@ -151,8 +151,8 @@ def leave_out_unshown(state: DiagnosisState) -> DiagnosisState:
         )
 
     def is_shown(effect: Effect) -> bool:
-        has_memory = any(form.hand_written or form.state for form in effect.forms)
-        return effect.changes or (effect.linear and has_memory)
+        # Levels that are not visited equally often make hysteresis look like a drift, so effects of time are left out too.
+        return effect.linear and any(form.hand_written or form.state for form in effect.forms)
 
     shown = {name: effect for name, effect in state.effects.items() if is_shown(effect)}
     hidden = [readable(name) for name in state.settings.searched if name not in shown]
