@@ -369,6 +369,9 @@ def _falls_behind(fit: Fit, experiment: Experiment) -> bool:
     """Return whether the measured force falls while the force before the output forms rises: no one-to-one curve does that."""
     for data in (*experiment.training.records, *experiment.tests):
         inner = fit.structure.design(data.motion, fit.nonlinear) @ fit.linear
+        outer = fit.structure.simulate(data.motion, fit.linear, fit.nonlinear)
+        if np.any(np.diff(outer) * np.diff(inner) < -1e-9 * np.ptp(outer) * np.ptp(inner)):
+            return False  # the curve itself falls, as an absolute value does
         least = _MAX_FALL_SHARE * float(np.ptp(data.force))
         direction = np.sign(np.diff(inner))
         starts = [0, *(np.flatnonzero(np.diff(direction)) + 1), len(direction)]
