@@ -24,6 +24,7 @@ def ramp_and_hold(ramp_s: float, seed: int, rate_Hz: int = 2) -> Record:
     return Record(f"ramp_{ramp_s:g}s", fine[every], channels)
 
 
+@pytest.mark.statistical
 def test_a_ramp_of_a_power_law_is_not_named_drift():
     found = lumbar.diagnose([ramp_and_hold(6, 4)], settings=SETTINGS)
     assert (found.result.status, found.selected) == ("adequate", ())

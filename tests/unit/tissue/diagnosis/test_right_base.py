@@ -30,12 +30,14 @@ def prestrained(added, seconds=(40, 20, 20, 20), frequencies=(0.1, 0.4, 1.5, 3.0
     return records
 
 
+@pytest.mark.statistical
 def test_dashpot_is_not_tied_with_a_form_that_reduces_to_it():
     result = diagnose(experiment(lambda time, x, v, step: kelvin_boltzmann(x, step) + 0.02 * v))
     assert (result.status, result.selected, result.tied_with) == ("named", ("viscous_damping",), [])
     assert not any("depth_dependent_damping" in item.candidate.effects for item in result.ranking)
 
 
+@pytest.mark.statistical
 def test_friction_is_named_with_the_spring_of_the_tissue():
     """All positions are on one side of 0: with the branch alone a law of position would do the work of the spring."""
 
@@ -61,6 +63,7 @@ def test_law_that_is_a_straight_line_here_is_contradicted():
     assert contradictions(model.fit, prepared)
 
 
+@pytest.mark.statistical
 @pytest.mark.parametrize(
     ("added", "hidden"),
     [
