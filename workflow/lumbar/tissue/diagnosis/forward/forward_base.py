@@ -341,17 +341,25 @@ def choose_forward_base(experiment: Experiment, name: str) -> Candidate:
             raise InputError(
                 f"base {name} is not available with the force as input. Use one of {', '.join(FORWARD_BASES)}."
             )
-        return _choose_between([simulate_base(experiment, BASES[name], between)], experiment)
+        return choose_between([simulate_base(experiment, BASES[name], between)], experiment)
     # All are weighted by the response of the first, which has all elements of the others but a second relaxation.
     first = BASES[FORWARD_BASES[0]]
     inverse = to_inverse_problem(experiment, response_of(first, *fit_inverse_problem(experiment, first)))
     ranked = sorted(FORWARD_BASES, key=lambda name: fit_base(BASES[name], inverse).score)
     fits = [simulate_base(experiment, BASES[name], between) for name in ranked[:_SIMULATED_BASES]]
-    return _choose_between(fits, experiment)
+    return choose_between(fits, experiment)
 
 
-def _choose_between(models: list[Candidate], experiment: Experiment) -> Candidate:
-    """Return the best model, with the course of the force between samples that explains the records best."""
+def choose_between(models: list[Candidate], experiment: Experiment) -> Candidate:
+    """Return the best model, with the course of the force between samples that explains the records best.
+
+    Parameters
+    ----------
+    models : list of Candidate
+        Models with one course, for forward records.
+    experiment : Experiment
+        The records.
+    """
 
     def best_of(items: list[Candidate]) -> Candidate:
         return min(items, key=lambda item: item.score if np.isfinite(item.score) else np.inf)
@@ -359,15 +367,25 @@ def _choose_between(models: list[Candidate], experiment: Experiment) -> Candidat
     best = best_of(models)
     for between in get_args(ForceBetween):
         if between != models[0].fit.structure.force_between:
-            other = _exchange_between(best, between, experiment)
+            other = exchange_between(best, between, experiment)
             if other.score < best.score - TIED:
-                models = [_exchange_between(item, between, experiment) for item in models]
+                models = [exchange_between(item, between, experiment) for item in models]
                 best = best_of([other, *models])
     return best
 
 
-def _exchange_between(model: Candidate, between: ForceBetween, experiment: Experiment) -> Candidate:
-    """Refit a model with another course of the force between samples."""
+def exchange_between(model: Candidate, between: ForceBetween, experiment: Experiment) -> Candidate:
+    """Refit a model with another course of the force between samples.
+
+    Parameters
+    ----------
+    model : Candidate
+        The model.
+    between : str
+        The course: ``held``, ``straight`` or ``smooth``.
+    experiment : Experiment
+        The records.
+    """
     structure = replace(model.fit.structure, force_between=between)
     return resume_fit(experiment, replace(model, fit=replace(model.fit, structure=structure)))
 

@@ -14,7 +14,9 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.forward.forward_base import (
     EVALUATIONS,
     better_base,
+    choose_between,
     choose_forward_base,
+    exchange_between,
     fit_by_simulation,
     has_spring,
     prepare_forward,
@@ -86,6 +88,20 @@ def select_by_simulation(state: DiagnosisState) -> DiagnosisState:
     static = float(response(np.zeros(1))[0].real) if has_spring(model) else 0.0
     selection = _Confirmation(experiment, base, usable, named[1:], rivals, zero_factor=-static)
     return after_selection(state, selection, inverse=inverse)
+
+
+def reconsider_course(state: DiagnosisState) -> DiagnosisState:
+    """Choose the course of the force between samples again, with the selected effects; select again if it changes."""
+    step, result = "reconsider the course of the force", state.result
+    if not result.selected:
+        return state.next(step, "not needed: no effect was selected")
+    before = result.base.fit.structure.force_between
+    course = choose_between([result.model], result.experiment).fit.structure.force_between
+    if course == before:
+        return state.next(step, f"{before} between samples explains the records best")
+    base = exchange_between(result.base, course, result.experiment)
+    reason = f"{course} between samples explains the records better than {before}; effects are selected again"
+    return select_by_simulation(state.next(step, reason, base=base, path=[base]))
 
 
 def reconsider_simulated_base(state: DiagnosisState) -> DiagnosisState:
@@ -173,6 +189,7 @@ FORWARD_STEPS = (
     estimate_motion_noise,
     choose_simulated_base,
     select_by_simulation,
+    reconsider_course,
     reconsider_simulated_base,
     find_ties,
     fit_whole_records,
