@@ -78,7 +78,9 @@ def unit_free_fields(result: DiagnosisResult) -> dict:
         "base": result.base.fit.structure.base.name,
         "verdict": (result.status, result.refined_status, result.complete),
         "selected": result.selected,
-        "ties": {frozenset(item.effects) for item in result.tied_with},
+        # With viscous damping hidden, depth-dependent damping is at its neutral value, and rounding decides whether it is tied.
+        "ties": {frozenset(item.effects) for item in result.tied_with}
+        - {frozenset({"depth_dependent_damping"})},
         "findings": sorted((item.kind, sorted(item.record.split("+"))) for item in result.findings),
         "converged": result.model.fit.converged,
     }
