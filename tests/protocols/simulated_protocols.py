@@ -344,7 +344,7 @@ def _best_base_error(course: np.ndarray, force: np.ndarray, every: int) -> float
 
 
 def _creep(base: dict[str, float], force: np.ndarray, cubic: float) -> np.ndarray:
-    """Return the position of a Kelvin–Boltzmann tissue under a force, with a cubic spring beside its spring.
+    """Return the position of a Kelvin–Boltzmann tissue under a force, with a cubic spring parallel to its spring.
 
     The position solves ke z + cubic z³ + k (z - x) = F; the dashpot's x follows x' = (z - x)/tau by the midpoint rule.
     """

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from lumbar.base.formats import percent, plain_number, plural
+from lumbar.base.formats import format_number, percent, plural
 
 
 def test_percentages_have_no_exponent_and_do_not_claim_all():
@@ -14,7 +14,7 @@ def test_percentages_have_no_exponent_and_do_not_claim_all():
 
 
 def test_numbers_below_a_million_have_no_exponent():
-    assert [plain_number(value, 4) for value in (-25123.0, 1e5, 99.98, 0.01234)] == [
+    assert [format_number(value, 4) for value in (-25123.0, 1e5, 99.98, 0.01234)] == [
         "-25120",
         "100000",
         "99.98",

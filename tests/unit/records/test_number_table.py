@@ -11,8 +11,8 @@ from lumbar.records.number_table import (
     Row,
     decode_lines,
     parse_number,
+    read_format_numbers,
     read_numbers,
-    read_plain_numbers,
     split_rows,
 )
 from refusing import has_tokens, refusal
@@ -35,7 +35,7 @@ def read(lines, dialect=None, columns=None, **options) -> NumberTable:
 )
 def test_plain_reader_agrees_with_row_reader(dialect):
     lines = text_of(dialect.delimiter or "  ", dialect.decimal)
-    table, plain = read(lines, dialect), read_plain_numbers(lines, dialect, 3)
+    table, plain = read(lines, dialect), read_format_numbers(lines, dialect, 3)
     np.testing.assert_array_equal(table.values, ROWS)
     np.testing.assert_array_equal(plain.values, ROWS)
     assert list(table.lines) == list(plain.lines) == list(range(1, 41))
@@ -44,15 +44,15 @@ def test_plain_reader_agrees_with_row_reader(dialect):
 @pytest.mark.parametrize("line", ["1,2", "1,2,3,4", "1,2,x", "1,2,inf", "# 1,2,3", "", '1,2,"3"'])
 def test_plain_reader_rejects_irregular_tables(line):
     lines = text_of(",")
-    assert read_plain_numbers([*lines[:9], line, *lines[9:]], Dialect(), 3) is None
-    assert read_plain_numbers([line, *lines], Dialect(), 3) is None
+    assert read_format_numbers([*lines[:9], line, *lines[9:]], Dialect(), 3) is None
+    assert read_format_numbers([line, *lines], Dialect(), 3) is None
 
 
 def test_plain_reader_reads_missing_cells_and_times_of_day():
     lines = [*text_of(",")[:9], "1,nan,", ",2,12:00:01"]
     readers = {2: lambda cells: np.array([float(cell[-2:]) if ":" in cell else np.nan for cell in cells])}
     expected = [[1, np.nan, np.nan], [np.nan, 2, 1]]
-    np.testing.assert_array_equal(read_plain_numbers(lines, Dialect(), 3, 1, readers).values[9:], expected)
+    np.testing.assert_array_equal(read_format_numbers(lines, Dialect(), 3, 1, readers).values[9:], expected)
 
 
 def test_rows_have_line_numbers_of_file():

@@ -1,12 +1,12 @@
 """Numbers in sentences: without exponents where a reader expects none, and with nouns in the singular or plural."""
 
 
-def plain_number(value: float, digits: int) -> str:
+def format_number(value: float, digits: int) -> str:
     """Format a number with significant digits; a number below a million has no exponent.
 
     Examples
     --------
-    >>> plain_number(8734.0, 2), plain_number(1.404, 3)
+    >>> format_number(8734.0, 2), format_number(1.404, 3)
     ('8700', '1.4')
     """
     rounded = float(f"{value:.{digits}g}")

@@ -19,8 +19,8 @@ from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import require_file
 from lumbar.records.number_table import (
     Dialect,
+    read_format_numbers,
     read_numbers,
-    read_plain_numbers,
     split_rows,
     stream_lines,
 )
@@ -146,7 +146,7 @@ def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray],
     if path.stat().st_size >= _MIN_PLAIN_BYTES:
         begins = first.line + (header is not None)
         lines = [line.rstrip("\r\n") for line in itertools.islice(stream_lines(path), begins - 1, None)]
-        plain = read_plain_numbers(lines, dialect, len(first.cells), begins)
+        plain = read_format_numbers(lines, dialect, len(first.cells), begins)
         is_whole = plain is not None and bool(np.isfinite(plain.values).all())
         if is_whole and max(positions.values()) < len(first.cells):
             values = {role: plain.values[:, position].copy() for role, position in positions.items()}

@@ -1,7 +1,7 @@
 """Reader of numbers under a header, for text tables and the cells of sheets.
 
 Lines (`stream_lines`, `decode_lines`) are split into rows of cells by a dialect (`split_rows`), and the cells of columns are
-converted to numbers (`read_numbers`). `read_plain_numbers` does both for a table of numbers only, with pandas.
+converted to numbers (`read_numbers`). `read_format_numbers` does both for a table of numbers only, with pandas.
 """
 
 import codecs
@@ -336,7 +336,7 @@ def read_numbers(
     return NumberTable(np.array(values).reshape(len(lines), len(positions)), lines)
 
 
-def read_plain_numbers(
+def read_format_numbers(
     lines: Sequence[str],
     dialect: Dialect,
     width: int,

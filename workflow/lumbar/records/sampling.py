@@ -11,8 +11,8 @@ from fractions import Fraction
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.records.levels import find_levels
 from lumbar.records.record import LARGEST, MIN_SAMPLES, Record, place_of, use_load_as_input
+from lumbar.records.rests import find_levels
 from lumbar.settings.layout import AXES
 
 MAX_GAP_ROWS = 10

@@ -6,7 +6,7 @@ from periodic_records import noise, record
 from scipy.signal import lfilter
 
 from lumbar.base.errors import InputError
-from lumbar.records.levels import MOST_LEVELS, find_levels
+from lumbar.records.rests import MOST_LEVELS, find_levels
 from lumbar.records.sampling import check_clipping
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.preparation import find_two_levels
@@ -49,10 +49,10 @@ def experiment(
 @pytest.mark.parametrize(("move", "sigma"), [(0, 0), (1.5, 0), (0, 0.01), (8, 0)])
 def test_levels_are_found(levels, move, sigma):
     position = steps(levels, 20, 1, move=move)[::FINE] + sigma * noise(len(TIME), 2)
-    found = find_levels(position)
-    np.testing.assert_allclose(found.values, np.linspace(-2, 2, levels), atol=0.01)
-    assert found.jumps == (move < 2)
-    assert found.changes == np.count_nonzero(np.diff(steps(levels, 20, 1)))
+    detected = find_levels(position)
+    np.testing.assert_allclose(detected.values, np.linspace(-2, 2, levels), atol=0.01)
+    assert detected.jumps == (move < 2)
+    assert detected.changes == np.count_nonzero(np.diff(steps(levels, 20, 1)))
 
 
 @pytest.mark.parametrize(

@@ -26,17 +26,17 @@ def ramp_and_hold(ramp_s: float, seed: int, rate_Hz: int = 2) -> Record:
 
 @pytest.mark.statistical
 def test_a_ramp_of_a_power_law_is_not_named_drift():
-    found = lumbar.diagnose([ramp_and_hold(6, 4)], settings=SETTINGS)
-    assert (found.result.status, found.selected) == ("adequate", ())
-    assert found.result.base.fit.structure.base.name == "QLV-power"
+    diagnosis = lumbar.diagnose([ramp_and_hold(6, 4)], settings=SETTINGS)
+    assert (diagnosis.result.status, diagnosis.selected) == ("adequate", ())
+    assert diagnosis.result.base.fit.structure.base.name == "QLV-power"
 
 
 @pytest.mark.statistical
 def test_ramps_that_alone_do_not_determine_the_response_are_fitted_together():
     records = [ramp_and_hold(2, 5), ramp_and_hold(8, 6)]
-    found = lumbar.diagnose(records, settings=SETTINGS)
-    assert (found.result.status, found.selected) == ("adequate", ())
-    assert found.result.base.fit.structure.base.name == "QLV-power"
-    assert found.model["hardening_length"].value == pytest.approx(0.5, rel=0.05)
-    assert found.model["order"].value == pytest.approx(0.2, rel=0.05)
-    assert "trained_together" in [item.kind for item in found.result.findings]
+    diagnosis = lumbar.diagnose(records, settings=SETTINGS)
+    assert (diagnosis.result.status, diagnosis.selected) == ("adequate", ())
+    assert diagnosis.result.base.fit.structure.base.name == "QLV-power"
+    assert diagnosis.model["hardening_length"].value == pytest.approx(0.5, rel=0.05)
+    assert diagnosis.model["order"].value == pytest.approx(0.2, rel=0.05)
+    assert "trained_together" in [item.kind for item in diagnosis.result.findings]

@@ -140,7 +140,7 @@ def test_explain_prints_every_step_and_the_deciding_one(tmp_path):
 
 @pytest.mark.parametrize("width", [0.0, 0.5])
 def test_loops_ask_for_a_clock(tmp_path, width):
-    """Loading and unloading: a loop is no law of position, and two equal branches are none."""
+    """A loop of loading and unloading is reported; two equal branches are not."""
     half = np.linspace(0.0, 10.0, 25)
     direction = np.repeat([1.0, -1.0], 25)
     path = write(

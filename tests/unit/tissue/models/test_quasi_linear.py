@@ -65,9 +65,9 @@ def test_an_exponential_and_a_power_law_are_found_to_the_noise():
     refined = lumbar.refine([Record("ramp", fine[every], channels)], [], base="QLV-power")
     assert refined.path[-1].train_rms < 0.035
     for name, true in (("hardening_length", 0.5), ("order", 0.2)):
-        found = refined.model[name]
-        assert found.low < true < found.high
-        assert found.value == pytest.approx(true, rel=0.03)
+        parameter = refined.model[name]
+        assert parameter.low < true < parameter.high
+        assert parameter.value == pytest.approx(true, rel=0.03)
 
 
 def test_quasi_linear_bases_have_no_transfer_function():

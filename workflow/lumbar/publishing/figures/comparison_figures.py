@@ -7,7 +7,7 @@ from string import ascii_lowercase
 import numpy as np
 from matplotlib.figure import Figure
 
-from lumbar.base.formats import plain_number
+from lumbar.base.formats import format_number
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
     MEASURED,
@@ -127,7 +127,12 @@ def _draw_shares(axis, comparisons: list[Comparison]) -> None:
     axis.errorbar(places, left, bars, fmt="none", color="black", capsize=2, linewidth=0.8)
     for place, item, top in zip(places, comparisons, high, strict=True):
         note(
-            axis, f"VAF\n{plain_number(item.vaf.value, 4)} %", (place, top), (0, 3), ha="center", fontsize=6.5
+            axis,
+            f"VAF\n{format_number(item.vaf.value, 4)} %",
+            (place, top),
+            (0, 3),
+            ha="center",
+            fontsize=6.5,
         )
     axis.set_xlim(-0.6, len(comparisons) - 0.4)
     axis.set_xticks(places, [item.record.replace("_", " ") for item in comparisons])

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from lumbar.base.formats import plain_number
+from lumbar.base.formats import format_number
 from lumbar.publishing.figures.comparison_figures import default_segment, draw_segment
 from lumbar.publishing.figures.style import (
     DOUBLE_COLUMN,
@@ -117,7 +117,7 @@ def spatial_comparison_figure(report: SpatialReport, model: str) -> Figure:
         draw_segment(row, item.record, item.values, item.comparison, segment, model)
         output, axis = item.record.channels["output"], item.record.name[-2]  # x of "multisine (x)"
         row[0].set_ylabel(f"{output.quantity.capitalize()} {axis} ({unit_in_print(output.unit)})")
-        row[0].set_title(f"VAF {plain_number(item.comparison.vaf.value, 4)} %", loc="right")
+        row[0].set_title(f"VAF {format_number(item.comparison.vaf.value, 4)} %", loc="right")
     for axis in axes[:-1, 1]:
         axis.set_xlabel("")
     sizes = [float(np.abs(axis.lines[0].get_ydata()).max()) for axis in axes[:, 1]]

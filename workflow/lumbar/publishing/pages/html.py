@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
-from lumbar.base.formats import plain_number
+from lumbar.base.formats import format_number
 from lumbar.base.templates import template
 from lumbar.tissue.diagnosis.residuals.locate import (
     ResidualReport,
@@ -94,7 +94,7 @@ def comparison_blocks(simulated: list[ResidualReport]) -> list[str]:
     for item in (report.comparison for report in simulated):
         merits = (item.vaf, item.fit, item.rms)
         errors = (
-            f"{plain_number(one.value, 4)} ({plain_number(one.low, 4)} to {plain_number(one.high, 4)})"
+            f"{format_number(one.value, 4)} ({format_number(one.low, 4)} to {format_number(one.high, 4)})"
             for one in merits
         )
         noise = ("unknown", "unknown")

@@ -38,7 +38,7 @@ MISSING = frozenset(
 DELIMITERS = {"\t": "tab", ";": "semicolon", ",": "comma", "|": "bar", None: "blanks"}
 """Delimiters with their names; the first is used if two give the same table."""
 UNAMBIGUOUS = ("\t", ";", "|")
-"""Delimiters that are no decimal marks, so that more cells than usual are outside the table."""
+"""Delimiters that are never decimal marks: surplus cells of a row are then outside the table."""
 MAX_HEADER_LINES = 4
 """Number of lines above a table that may contain names and units."""
 _MIN_REPEATED_NAMES = 3

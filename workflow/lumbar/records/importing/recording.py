@@ -295,16 +295,18 @@ def _drop_incomplete_rows(
         return table, time, roles, ""
     names = [f"{role} in {flags.sum()}" for role, flags in absent.items() if flags.any()]
     described = f"{missing.sum()} of {len(time)} rows, with a missing number ({', '.join(names)}),"
-    kept = np.flatnonzero(~missing)
-    if len(kept) < MIN_SAMPLES:
-        raise InputError(f"{table.source}: {described} leave {len(kept)}; at least {MIN_SAMPLES} are needed")
+    complete = np.flatnonzero(~missing)
+    if len(complete) < MIN_SAMPLES:
+        raise InputError(
+            f"{table.source}: {described} leave {len(complete)}; at least {MIN_SAMPLES} are needed"
+        )
     shown = np.flatnonzero(missing)[:_MAX_LISTED]
     places = ", ".join(place_of(int(row), table.lines) for row in shown)
     more = ", …" if missing.sum() > _MAX_LISTED else ""
-    table = table.with_rows(kept)
+    table = table.with_rows(complete)
     columns = {column.number: column for column in table.columns}
     roles = {role: replace(item, column=columns[item.column.number]) for role, item in roles.items()}
-    return table, time[kept], roles, f"{described} are left out: {places}{more}"
+    return table, time[complete], roles, f"{described} are left out: {places}{more}"
 
 
 def _to_records(

@@ -271,7 +271,7 @@ def refuse_spectrum(table: RawTable) -> None:
     Raises
     ------
     InputError
-        If it is, with both columns.
+        If it is; the message names both columns.
     """
 
     def find(kind: str) -> RawColumn | None:

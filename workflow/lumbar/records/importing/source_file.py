@@ -40,8 +40,8 @@ from lumbar.records.number_table import (
     Dialect,
     NumberTable,
     decode_lines,
+    read_format_numbers,
     read_numbers,
-    read_plain_numbers,
     split_rows,
 )
 from lumbar.records.unpacking import check_size, ending_of, report_broken, unpack
@@ -246,7 +246,7 @@ def _read_plain_table(lines: list[str], dialect: TableDialect) -> NumberTable | 
         return None
     readers = dict.fromkeys(dialect.clock_columns, dialect.read_clocks)
     readers |= dict.fromkeys(dialect.text_columns, lambda cells: np.full(len(cells), np.nan))
-    table = read_plain_numbers(lines[first:last], dialect, dialect.width, first + 1, readers)
+    table = read_format_numbers(lines[first:last], dialect, dialect.width, first + 1, readers)
     numeric = [column for column in range(dialect.width) if column not in dialect.text_columns]
     return table and replace(table, values=table.values[:, numeric])
 

@@ -101,7 +101,8 @@ _MIN_CORNER_RATIO = 6.0
 def _exponential(motion: Motion, length: float) -> Motion:
     """Return a motion with the position z replaced by Fung's exponential, sign(z)(e^(|z|/length) − 1).
 
-    A position with corners is linear between samples: a spline would ring, and an exponential enlarges it.
+    A position with corners is linear between samples. The motion's spline slows down before it rests: the exponential enlarges
+    this.
     """
 
     def respond(position: np.ndarray) -> np.ndarray:

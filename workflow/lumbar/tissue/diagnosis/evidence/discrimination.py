@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from lumbar.base.formats import plain_number
+from lumbar.base.formats import format_number
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit as refit
 from lumbar.tissue.diagnosis.fitting.uncertainty import project_out, tangent_basis
@@ -275,7 +275,7 @@ def separation_sentence(separation: Separation, diagnosis: DiagnosisResult) -> s
     unit = diagnosis.experiment.output_unit
     pair = f"{effects_text(diagnosis.selected)} from {effects_text(separation.closest)}"
     excitation = separation.excitation.description
-    distance, recorded = (plain_number(value, 2) for value in (separation.distance, separation.recorded))
+    distance, recorded = (format_number(value, 2) for value in (separation.distance, separation.recorded))
     if not separation.separates:
         return (
             f"None of {separation.tried} excitations tried within the machine's limits would distinguish {pair}: the best, "

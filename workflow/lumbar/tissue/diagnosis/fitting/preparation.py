@@ -8,8 +8,8 @@ from typing import Self
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.records.levels import Levels, find_levels
 from lumbar.records.record import Record, require_clock, require_one_axis, require_same_units
+from lumbar.records.rests import begins_at_rest, find_levels, find_two_levels
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData, JointData
@@ -34,14 +34,10 @@ _SLOW_SHARE, _POSITION_BINS = 0.3, 10
 """Share of the samples at a position that count as slow, because the force at high speed has no limit; number of positions."""
 _MIN_UNIT_CORRELATION = 0.3
 """Smallest correlation of force and position of a record that moves: counts of an encoder at rest do not show a stiffness."""
-_STILL_SHARE, _REST_SHARE = 5e-4, 0.01
-"""Largest motion of a tool that is still, and that is slow, as shares of a record's range; the latter also limits the change of
-the force, as a share of the force's range."""
+_REST_SHARE = 0.01
+"""Largest motion of a tool at rest, as a share of the range in training."""
 _RETURN_SHARE = 0.05
 """Largest path in excess of the range, as a share of the range, of a motion in one direction."""
-_UNLOADED_SHARE = 0.02
-"""Largest force of tissue that is not loaded yet, as a share of the force's range."""
-_MIN_REST_SAMPLES = 5
 _MIN_RANGE_SHARE = 0.05
 """Smallest share of another record's range that a training record must cover, and of its positions that a motion must cover."""
 _MIN_RESPONSE_VARIANCE = 2.0
@@ -52,8 +48,6 @@ _BEGINNINGS, _MAX_BEGINNING_DISTANCE = 100, 0.05
 """Ratio of a record's samples to those of its beginning; largest distance of beginnings at one place, in total ranges."""
 _MIN_COPY_LENGTH, _COPY_PLACES = 64, 9
 """Number of equal samples in a row that show a copy of another record; number of places that are compared."""
-_MIN_CHANGES = 4
-"""Smallest number of changes between two levels of a binary signal; fewer are those of a test with holds."""
 _MIN_SAMPLES = 50
 """Smallest number of samples after the start of a record, which is excluded from errors."""
 _MAX_SINE_BAND = 1.5
@@ -328,17 +322,6 @@ def prepare(
     return assemble_experiment(first, fitted, tests, floor, **fields)
 
 
-def find_two_levels(records: Sequence[Record]) -> Levels | None:
-    """Return the levels if the positions of all records jump again and again between the same two levels, else None.
-
-    Samples between the levels show a force of unknown speed. All jumps are alike, so that a spring, a damper, friction and any
-    curve explain them equally well.
-    """
-    levels = find_levels(np.concatenate([record["input"] for record in records]))
-    is_binary = levels is not None and levels.jumps and len(levels.values) == 2
-    return levels if is_binary and levels.changes >= _MIN_CHANGES else None
-
-
 def resting_position(positions: Sequence[np.ndarray]) -> np.ndarray:
     """Return the position from which records are counted, shape (axes,): 0, unless all records are far from it.
 
@@ -384,26 +367,6 @@ def excluded_time(record: Record, settling_s: float | None) -> float:
     A record that begins at rest excludes nothing: its initial state is known, and its rest shows the zeros of the sensors.
     """
     return 0.0 if settling_s is None and begins_at_rest(record) else settling_time(record, settling_s)
-
-
-def begins_at_rest(record: Record) -> bool:
-    """Return whether a record begins with a constant position and force, or at an end of its motion without a force."""
-    position, force = record["input"], record["output"]
-    span, size = float(np.ptp(position)), float(np.ptp(force))
-    if not span or not size:
-        return False
-    moved = np.abs(position - position[0])
-    count, slow = (int(np.argmax(moved > share * span)) for share in (_STILL_SHARE, _REST_SHARE))
-    rest = force[: max(count, 1)]
-    # Standard error of the mean of half of the rest, from differences of neighbours, which a slow change hardly affects.
-    error = float(np.std(np.diff(rest))) / np.sqrt(count) if count > 2 else 0.0
-    # A rest ends abruptly; a smooth motion from a reversal is slow for longer than it is still.
-    if count >= max(_MIN_REST_SAMPLES, slow / 2):
-        before, after = (half.mean() for half in np.array_split(rest, 2))
-        if abs(after - before) <= max(_REST_SHARE * size, 3 * np.sqrt(2) * error):
-            return True
-    is_end = min(position[0] - position.min(), position.max() - position[0]) <= _REST_SHARE * span
-    return bool(is_end and abs(rest.mean()) <= max(_UNLOADED_SHARE * size, 3 * error))
 
 
 def _partner_of_sine(sine: Record, records: Sequence[Record]) -> Record | None:

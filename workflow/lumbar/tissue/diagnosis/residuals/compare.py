@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
-from lumbar.base.formats import percent, plain_number
+from lumbar.base.formats import format_number, percent
 from lumbar.records.record import Record
 from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor, autocovariance
@@ -83,8 +83,8 @@ class Comparison:
         """The comparison in one sentence."""
         vaf, rms, unit = self.vaf, self.rms.value, self.unit
         explained = (
-            f"{self.record}: the model explains {plain_number(vaf.value, 4)} % of the output's variance "
-            f"({plain_number(vaf.low, 4)} to {plain_number(vaf.high, 4)} %); its error is {rms:.3g} {unit} RMS"
+            f"{self.record}: the model explains {format_number(vaf.value, 4)} % of the output's variance "
+            f"({format_number(vaf.low, 4)} to {format_number(vaf.high, 4)} %); its error is {rms:.3g} {unit} RMS"
         )
         if self.floor is None:
             return f"{explained}; no record repeats, so how much of it is noise is unknown."

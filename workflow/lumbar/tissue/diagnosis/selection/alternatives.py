@@ -6,10 +6,11 @@ from functools import partial
 import numpy as np
 
 from lumbar.base.formats import plural
+from lumbar.records.rests import begins_at_rest
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.fit_data import FitData
 from lumbar.tissue.diagnosis.fitting.joint_fit import fit_base as fit_structure
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment, begins_at_rest
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.fitting.uncertainty import estimates, scaled_covariance
 from lumbar.tissue.diagnosis.selection.base_choice import SEARCH
 from lumbar.tissue.diagnosis.selection.candidate import (

@@ -6,9 +6,10 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Record
+from lumbar.records.rests import find_two_levels
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.preparation import Experiment, find_two_levels, prepare
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment, prepare
 from lumbar.tissue.diagnosis.linear.direction import direction_or_sign
 from lumbar.tissue.diagnosis.selection.alternatives import (
     check_lead,

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import pairwise
 
-from lumbar.base.formats import percent, plain_number
+from lumbar.base.formats import format_number, percent
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
 from lumbar.tissue.diagnosis.selection.candidate import contradictions, is_adequate
@@ -35,7 +35,7 @@ def distinguishing_digits(values: Sequence[float], fewest: int) -> list[str]:
     """
     wanted = sum(f"{a:.{_MAX_DIGITS}g}" != f"{b:.{_MAX_DIGITS}g}" for a, b in pairwise(values))
     for digits in range(fewest, _MAX_DIGITS + 1):
-        texts = [plain_number(value, digits) for value in values]
+        texts = [format_number(value, digits) for value in values]
         if sum(a != b for a, b in pairwise(texts)) == wanted:
             break
     return texts

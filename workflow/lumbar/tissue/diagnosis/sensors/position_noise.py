@@ -15,8 +15,8 @@ import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 
 from lumbar.base.formats import percent
-from lumbar.records.levels import find_levels
 from lumbar.records.record import Record
+from lumbar.records.rests import find_levels
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.sensors.bad_samples import Repair
 from lumbar.tissue.models.motion import Motion

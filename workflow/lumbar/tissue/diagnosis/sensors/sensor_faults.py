@@ -6,8 +6,8 @@ from itertools import combinations
 
 import numpy as np
 
-from lumbar.records.levels import find_levels
 from lumbar.records.record import Record
+from lumbar.records.rests import find_levels
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.noise.nonrepeating import line_power, smooth_power
 from lumbar.tissue.diagnosis.noise.periods import MIN_FULL_PERIODS, declared_period, find_period, fold_periods

@@ -1,8 +1,11 @@
-"""Positions that rest at a few commanded levels: binary and multilevel signals, steps."""
+"""Positions that rest: at a few commanded levels (binary and multilevel signals, steps), and before a test begins."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+from lumbar.records.record import Record
 
 MOST_LEVELS = 8
 """Largest number of levels of a command; a coarse sensor has more."""
@@ -22,6 +25,15 @@ _MIN_GAP_RATIO = 4.0
 """Smallest distance of two levels, in largest distances of a sample from its level."""
 _MAX_MOVE_SAMPLES = 2.0
 """Largest mean number of samples between two levels of a position that jumps: its speed there is not resolved."""
+
+_MIN_CHANGES = 4
+"""Smallest number of changes between two levels of a binary signal; fewer are those of a test with holds."""
+_STILL_SHARE, _REST_SHARE = 5e-4, 0.01
+"""Largest motion of a tool that is still, and that is slow, as shares of a record's range; the latter also limits the change of
+the force, as a share of the force's range."""
+_UNLOADED_SHARE = 0.02
+"""Largest force of tissue that is not loaded yet, as a share of the force's range."""
+_MIN_REST_SAMPLES = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,3 +78,34 @@ def find_levels(values: np.ndarray) -> Levels | None:
         return None
     levels = np.array([values[at_level & (nearest == number)].mean() for number in range(len(levels))])
     return Levels(levels, at_level, int(np.count_nonzero(np.diff(nearest[at_level]))))
+
+
+def find_two_levels(records: Sequence[Record]) -> Levels | None:
+    """Return the levels if the positions of all records jump again and again between the same two levels, else None.
+
+    Samples between the levels show a force of unknown speed. All jumps are alike, so that a spring, a damper, friction and any
+    curve explain them equally well.
+    """
+    levels = find_levels(np.concatenate([record["input"] for record in records]))
+    is_binary = levels is not None and levels.jumps and len(levels.values) == 2
+    return levels if is_binary and levels.changes >= _MIN_CHANGES else None
+
+
+def begins_at_rest(record: Record) -> bool:
+    """Return whether a record begins with a constant position and force, or at an end of its motion without a force."""
+    position, force = record["input"], record["output"]
+    span, size = float(np.ptp(position)), float(np.ptp(force))
+    if not span or not size:
+        return False
+    moved = np.abs(position - position[0])
+    count, slow = (int(np.argmax(moved > share * span)) for share in (_STILL_SHARE, _REST_SHARE))
+    rest = force[: max(count, 1)]
+    # Standard error of the mean of half of the rest, from differences of neighbours, which a slow change hardly affects.
+    error = float(np.std(np.diff(rest))) / np.sqrt(count) if count > 2 else 0.0
+    # A rest ends abruptly; a smooth motion from a reversal is slow for longer than it is still.
+    if count >= max(_MIN_REST_SAMPLES, slow / 2):
+        before, after = (half.mean() for half in np.array_split(rest, 2))
+        if abs(after - before) <= max(_REST_SHARE * size, 3 * np.sqrt(2) * error):
+            return True
+    is_end = min(position[0] - position.min(), position.max() - position[0]) <= _REST_SHARE * span
+    return bool(is_end and abs(rest.mean()) <= max(_UNLOADED_SHARE * size, 3 * error))
