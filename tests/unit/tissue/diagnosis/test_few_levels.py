@@ -6,10 +6,9 @@ from periodic_records import noise, record
 from scipy.signal import lfilter
 
 from lumbar.base.errors import InputError
-from lumbar.records.rests import MOST_LEVELS, find_levels
+from lumbar.records.rests import MOST_LEVELS, find_levels, find_two_levels
 from lumbar.records.sampling import check_clipping
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.preparation import find_two_levels
 from lumbar.tissue.diagnosis.selection.diagnosis_result import Status
 from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose
 from lumbar.tissue.diagnosis.sensors.sensor_faults import repair

@@ -5,8 +5,9 @@ import pytest
 from periodic_records import record
 
 from lumbar.records.record import Record
+from lumbar.records.rests import begins_at_rest
 from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
-from lumbar.tissue.diagnosis.fitting.preparation import begins_at_rest, check_excitation
+from lumbar.tissue.diagnosis.fitting.preparation import check_excitation
 from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose
 from lumbar.tissue.diagnosis.selection.one_ramp import ramp_speed
 
