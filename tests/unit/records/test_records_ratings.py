@@ -28,7 +28,7 @@ LAYOUT = layout_of(
     }
 )
 HEADER = "who,rating_IL,rating_KB,rating_HO,best,clinician,years"
-GOOD = ["a,1,2,3,KB,yes,<5", "b,5,4,4,HO,0,>=5", "c,2,2,2,IL,True,<5"]
+GOOD = ["a,1,2,3,KB,yes,<5", "b,5.0,4,4,HO,0,>=5", "c,2,2,2,IL,True,<5"]
 
 
 def written(tmp_path, *lines):
@@ -49,23 +49,47 @@ def test_answers_are_read_in_the_order_of_the_layout(tmp_path):
 
 
 def test_all_problems_of_survey_are_listed(tmp_path):
-    lines = ["a,0,2.5,,KX,perhaps,10", "", "a,1,2,3,KB,1,<5", "b,1,2,3"]
+    lines = ["a,9,2.5,,KX,perhaps,10", "", "a,1,2,3,KB,1,<5", "b,1,2,3"]
     lines += [",1,2,3,KB,1,<5", "d,1,2,six,IL,1,<5"]
     message = refusal(read_ratings, written(tmp_path, *lines), LAYOUT)
     for entry in (
-        "line 2: rating_IL … '0' … 1, 2, 3, 4, 5",
+        "line 2: rating_IL … '9' … 1, 2, 3, 4, 5",
         "line 2: rating_KB … '2.5'",
-        "line 2: rating_HO … empty",
         "line 2: best … 'KX' … IL, KB, HO",
         "line 2: clinician … 'perhaps'",
         "line 2: years … '10' … <5, >=5",
         "line 4: who … 'a'",
         "line 5: 4 cells … 7",
-        "line 6: who … empty",
+        "empty … line 2 (rating_HO), line 6 (who)",
         "line 7: rating_HO … 'six'",
     ):
         assert has_tokens(message, entry), entry
-    assert "10 problems" in message
+    assert "9 problems" in message
+
+
+@pytest.mark.parametrize(
+    ("content", "problem"),
+    [
+        (
+            "1,,3,B 2,,4,A 3,4,5,C 4,4,5,NA 5,4,3,n/a 2,2,2,A 5,5,5,B 1,1,1,C",
+            "line 2 (B), line 3 (B), line 5 (best), line 6",
+        ),
+        ("3.5,4,1,B 2,1,5,C 1,2,3,C", "line 2: A … 3.5 … double, then take 1 … scale_points: 9 … 9"),
+        ("0,4,1,B 2,1,4,C 1,2,3,C", "line 2: A … 0 … add 1"),
+        ("1,5,1,B 2,0,4,C 1,2,3,C", "line 3: B … 0 … add 1 … scale_points: 6"),
+        ("1,5,2.5,B 2,0,4,C 1,2,3,C", "line 3: B … 0 … double … round"),
+    ],
+)
+def test_cells_with_one_remedy_are_one_problem(tmp_path, content, problem):
+    path = tmp_path / "survey.csv"
+    rows = [f"P{number},{cells}" for number, cells in enumerate(content.split())]
+    path.write_text("\n".join(["participant,A,B,C,best", *rows]))
+    models = [{"name": name, "column": name} for name in "ABC"]
+    layout = layout_of({"participant": "participant", "models": models, "scale_points": 5, "best": "best"})
+    message = refusal(read_ratings, path, layout)
+    assert "1 problem\n" in message and has_tokens(message, problem)
+    path.write_text(path.read_text().replace(",", ";"))
+    assert has_tokens(refusal(read_ratings, path, layout), '1 problem … survey.layout.delimiter: ";"')
 
 
 def test_missing_columns_and_wrong_cells_are_listed(tmp_path):

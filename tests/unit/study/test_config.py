@@ -15,7 +15,7 @@ from lumbar.base.yaml_file import read_yaml
 from lumbar.cli.command import main
 from lumbar.settings.study_settings import StudySettings, record_layout
 from lumbar.settings.validation import Key, overlay
-from lumbar.study.load_study import DEFAULT_FILES, load_settings, load_study, load_study_file
+from lumbar.study.load_study import DEFAULT_FILES, load_settings, load_study, load_study_file, load_subject
 from lumbar.study.study import read_artefacts, reading_plan, record_set, recordings_of
 from refusing import has_tokens, refusal
 from running import PROJECT
@@ -251,6 +251,23 @@ def test_subject_files_are_checked_too(config, folder):
     message = refusal(load_study, config, folder)
     assert has_tokens(message, "config/subjects/novice.yaml, line 4 … subject.mass_kg … -70 … > 0")
     assert has_tokens(message, "config/subjects/nobody.yaml … expert, novice")
+
+
+def test_copy_of_subject_needs_its_own_name(config, folder):
+    people = folder / "config" / "subjects"
+    text = (people / "expert.yaml").read_text(encoding="utf-8").replace("mass_kg: 78.0", "mass_kg: 61")
+    copy, alone = people / "anna.yaml", folder / "anna.yaml"
+    for path in (copy, alone):
+        path.write_text(text, encoding="utf-8")
+    problem = "anna.yaml, line 4 … subject.name … 'expert' … name: anna"
+    assert has_tokens(refusal(load_subject, copy), problem)
+    single = overlay(config, yaml.safe_load(text))
+    assert has_tokens(refusal(load_study, single, folder, ["config/subjects/anna.yaml"]), problem)
+    assert load_subject(alone).mass_kg == 61
+    copy.write_text(
+        text.replace("name: expert", "name: anna").replace(" mass_kg", " weight_kg"), encoding="utf-8"
+    )
+    assert has_tokens(refusal(load_subject, copy), "line 6 … subject.weight_kg … did you mean 'mass_kg'")
 
 
 def test_subject_without_trials_is_rejected(config, folder):

@@ -84,6 +84,8 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
     --------
     >>> did_you_mean("frction", ["coulomb_friction", "hysteresis"])
     "; did you mean 'coulomb_friction'?"
+    >>> did_you_mean("weight_kg", ["mass_kg", "height_m"])
+    "; did you mean 'mass_kg'?"
     >>> did_you_mean("inertia", ["delay"])
     ''
     """
@@ -91,7 +93,9 @@ def did_you_mean(word: object, known: Iterable[str]) -> str:
     # A word may be similar to one part of a long name only.
     spellings = {part.casefold(): name for name in names for part in name.split("_")}
     spellings |= {name.casefold(): name for name in names}
-    close = get_close_matches(str(word).casefold(), spellings, 1, 0.65)
+    spelled = str(word).casefold()
+    close = get_close_matches(spelled.replace("weight", "mass"), spellings, 1, 0.65)  # a body's weight in kg
+    close = close or get_close_matches(spelled, spellings, 1, 0.65)
     return f"; did you mean {spellings[close[0]]!r}?" if close else ""
 
 

@@ -1,5 +1,6 @@
 """Answers of a survey: one row per participant, with the columns of `lumbar.settings.runtime.RatingsLayout`, all checked."""
 
+import json
 import os
 from collections import Counter
 from collections.abc import Iterable
@@ -11,12 +12,15 @@ import numpy as np
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import require_file
 from lumbar.records.number_table import Dialect, split_rows, stream_lines
-from lumbar.settings.runtime import RatingsLayout
+from lumbar.settings.runtime import MAX_SCALE_POINTS, RatingsLayout
 
 NOT_REAL = "reconstructed_not_real"
 """Value of the source column of reconstructed answers."""
 _YES = ("1", "yes", "true")
 _NO = ("0", "no", "false")
+_EMPTY = ("", "na", "n/a", "nan", "-", ".")
+"""Cells that spreadsheets and statistics programs write for a missing answer, in lower case."""
+_DELIMITERS = (";", "\t", ",", "|")
 
 
 @dataclass(frozen=True)
@@ -90,7 +94,7 @@ def read_ratings(path: str | os.PathLike, layout: RatingsLayout) -> Ratings:
     Raises
     ------
     InputError
-        If there are problems, with line and column of each: a missing column, an empty cell, a rating outside the scale,
+        If there are problems, with line and column of each: a missing column, empty cells, a rating outside the scale,
         an unknown model or level, a participant in two lines, a line of another length, fewer than two participants.
     """
     path = Path(path)
@@ -106,10 +110,15 @@ def read_ratings(path: str | os.PathLike, layout: RatingsLayout) -> Ratings:
     header = rows[0].cells
     if shared := _duplicates(header):
         raise InputError(f"{path}, header: duplicate {', '.join(map(repr, shared))}; rename these columns")
-    problems = Problems(str(path))
-    for column in columns:
-        if column not in header:
-            problems.add("header", f"no column {column!r}", f"there are: {', '.join(header)}")
+    problems, absent = Problems(str(path)), [column for column in columns if column not in header]
+    text = layout.delimiter.join(header)
+    other = next((mark for mark in _DELIMITERS if absent and set(columns) <= set(text.split(mark))), None)
+    if other:
+        allowed = f"set survey.layout.delimiter: {json.dumps(other)}"
+        problems.add("header", f"{other!r} separates the cells, not {layout.delimiter!r}", allowed)
+        problems.raise_if_any()
+    for column in absent:
+        problems.add("header", f"no column {column!r}", f"there are: {', '.join(header)}")
     answers = {}
     for line, cells in rows[1:]:
         if len(cells) == len(header):
@@ -142,25 +151,70 @@ def _check_layout(layout: RatingsLayout, columns: list[str]) -> None:
 def _validate(
     answers: dict[int, dict[str, str]], columns: list[str], layout: RatingsLayout, problems: Problems
 ) -> None:
-    """Add every cell that is wrong to `problems`."""
-    models = tuple(model.name for model in layout.models)
+    """Add every cell that is wrong to `problems`; cells with one remedy are one problem."""
+    rated = [model.column for model in layout.models if model.column in columns]
     points = tuple(str(point) for point in range(1, layout.scale_points + 1))
-    allowed = {model.column: points for model in layout.models} | {layout.best: models}
+    allowed = dict.fromkeys(rated, points) | {layout.best: tuple(model.name for model in layout.models)}
     allowed |= dict.fromkeys(layout.yes_no, (*_YES, *_NO))
     if layout.experience:
         allowed[layout.experience] = tuple(layout.experience_levels)
+    has_other_scale = _add_other_scale(answers, rated, layout.scale_points, problems)
     participants: set[str] = set()
+    empty: dict[int, list[str]] = {}
     for line, cells in answers.items():
         for column in columns:
             cell = cells[column].lower() if column in layout.yes_no else cells[column]
-            problem = f"{column} is {cell!r}" if cell else f"{column} is empty"
-            if column in allowed and cell not in allowed[column]:
-                problems.add(f"line {line}", problem, f"allowed: {', '.join(allowed[column])}")
-            elif not cell:
-                problems.add(f"line {line}", problem, "fill it in")
+            rating = _number(cell) if column in rated else np.nan
+            if cell in allowed.get(column, ()) or rating in range(1, layout.scale_points + 1):
+                continue
+            if cell.lower() in _EMPTY:
+                empty.setdefault(line, []).append(column)
+            elif column in allowed and not (has_other_scale and np.isfinite(rating)):
+                problems.add(
+                    f"line {line}", f"{column} is {cell!r}", f"allowed: {', '.join(allowed[column])}"
+                )
             elif column == layout.participant and cell in participants:
-                problems.add(f"line {line}", problem, "this participant is also in an earlier line")
+                fault = f"{column} is {cell!r}"
+                problems.add(f"line {line}", fault, "this participant is also in an earlier line")
         participants.add(cells.get(layout.participant, ""))
+    if empty:
+        shown = [f"line {line} ({', '.join(names)})" for line, names in empty.items()]
+        rest = [f"{len(shown) - 4} more lines"] if len(shown) > 5 else shown[4:]
+        remain = len(answers) - len(empty)
+        left = f", or take out these rows: {remain} of {len(answers)} remain" if remain > 1 else ""
+        problems.add("", f"empty cells in {', '.join([*shown[:4], *rest])}", f"fill them in{left}")
+
+
+def _number(cell: str) -> float:
+    """Return a rating with a decimal point or comma as a number; NaN if it is none."""
+    try:
+        return float(cell.replace(",", "."))
+    except ValueError:
+        return np.nan
+
+
+def _add_other_scale(
+    answers: dict[int, dict[str, str]], rated: list[str], scale_points: int, problems: Problems
+) -> bool:
+    """Add a problem, with the remedy, if all ratings are on a scale of half points or on a scale from 0."""
+    cells = {(line, column): _number(row[column]) for line, row in answers.items() for column in rated}
+    known = np.array([value for value in cells.values() if np.isfinite(value)])
+    first, step = 1 - bool((known == 0).any()), 1.0 if (known % 1 == 0).all() else 0.5
+    last = max(known.max(initial=0), scale_points - 1 + first)
+    if (first, step) == (1, 1.0) or (known % step).any() or known.min() < 0 or last > scale_points:
+        return False
+    line, column = next(
+        place for place, value in cells.items() if (value == 0 if first == 0 else value % 1 == 0.5)
+    )
+    points = round((last - first) / step) + 1
+    change = "add 1 to" if step == 1 else f"double, then {'take 1 from' if first else 'add 1 to'},"
+    remedy = f"{change} every rating" if points <= MAX_SCALE_POINTS else "round every rating"
+    if scale_points != points <= MAX_SCALE_POINTS:
+        remedy += f" and set survey.layout.scale_points: {points} with {points} survey.scale_labels"
+    cause = "half points were allowed" if first else "the scale begins at 0 (not: no answer)"
+    fault = f"{column} is {cells[line, column]:g}; allowed: whole points from 1"
+    problems.add(f"line {line}", fault, f"if {cause}, {remedy}")
+    return True
 
 
 def _ratings(rows: list[dict[str, str]], layout: RatingsLayout) -> Ratings:
@@ -169,7 +223,7 @@ def _ratings(rows: list[dict[str, str]], layout: RatingsLayout) -> Ratings:
     return Ratings(
         participants=tuple(row[layout.participant] for row in rows),
         models=tuple(model.name for model in layout.models),
-        scores=np.array([[int(row[model.column]) for model in layout.models] for row in rows]),
+        scores=np.array([[int(_number(row[model.column])) for model in layout.models] for row in rows]),
         scale_points=layout.scale_points,
         best=tuple(row[layout.best] for row in rows),
         groups={column: np.array([row[column].lower() in _YES for row in rows]) for column in layout.yes_no},

@@ -6,6 +6,9 @@ from pydantic import Field
 
 from lumbar.settings.section import NAME, Section, Unique, Word
 
+MAX_SCALE_POINTS = 11
+"""Largest number of points of a Likert scale."""
+
 
 class DeviceSettings(Section):
     """Haptic device and hand on which every model is judged before it is exported.
@@ -126,7 +129,7 @@ class RatingsLayout(Section):
     """Column with the name or code of the participant; every value occurs once."""
     models: tuple[RatedModelSettings, ...] = Field(min_length=3, max_length=12)
     """Rated models in the order of the tables; Friedman's test needs three."""
-    scale_points: int = Field(ge=2, le=11)
+    scale_points: int = Field(ge=2, le=MAX_SCALE_POINTS)
     """Points of the Likert scale; ratings are whole numbers between 1 and this."""
     best: str = Field(min_length=1)
     """Column with the name of the model chosen as the best."""
@@ -156,7 +159,9 @@ class SurveySettings(Section):
     )
     """Statement that the participants rated for every model."""
     scale_labels: tuple[Word, ...] = Field(
-        ("strongly disagree", "disagree", "neutral", "agree", "strongly agree"), min_length=2, max_length=11
+        ("strongly disagree", "disagree", "neutral", "agree", "strongly agree"),
+        min_length=2,
+        max_length=MAX_SCALE_POINTS,
     )
     """Names of the points of the scale, in order of agreement: layout.scale_points of them."""
     layout: RatingsLayout = Field(

@@ -130,6 +130,8 @@ def _load_subjects(
     elif not LIFTED & set(settings.chapters):
         return {}, {}
     elif settings.subject:
+        for file in origins.files:
+            _check_copy(root / file.path, settings.subject.name, origins)
         return {settings.subject.name: settings.subject}, {settings.subject.name: origins}
     elif settings.data == TWIN and settings.twin.lifting.cohort:
         from lumbar.twin.cohort import cohort_subjects
@@ -162,6 +164,12 @@ def _read_subject(path: Path, name: str, problems: Problems) -> tuple[SubjectSet
     return (checked.subject if checked else None), origins
 
 
+def _check_copy(path: Path, name: str, origins: Origins) -> None:
+    """Add a problem if a file has the name of the subject of another file next to it: their results would share a folder."""
+    if path.parent.joinpath(f"{name}.yaml").is_file() and path.stem != name:
+        origins.add("subject.name", repr(name), f"{name}.yaml has this name: write name: {path.stem}")
+
+
 def load_subject(path: str | os.PathLike) -> SubjectSettings:
     """Return the subject of a subject file.
 
@@ -176,7 +184,9 @@ def load_subject(path: str | os.PathLike) -> SubjectSettings:
     'ann.c3d'
     """
     problems = Problems("subject")
-    subject, _ = _read_subject(Path(path), str(path), problems)
+    subject, origins = _read_subject(Path(path), str(path), problems)
+    if subject is not None:
+        _check_copy(Path(path), subject.name, origins)
     problems.raise_if_any()
     return subject
 
