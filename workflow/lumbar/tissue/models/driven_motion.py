@@ -184,7 +184,8 @@ _MAX_ITERATIONS = 14  # then only converged steps are kept, and fewer steps are 
 _MAX_DAMPED_ITERATIONS = 40  # of a single step
 _DAMPING_FACTORS = 0.5 ** np.arange(12)
 _WINDOW_DIVISOR = 8  # of the number of steps taken together, after a failure
-_MAX_FAILURES = 30
+_MAX_FAILURES = 10  # at the first step
+_FAILURES_PER_STEP = 0.05  # friction that sticks now and then costs one failure each time
 _TANGENT_ITERATIONS = 3  # every third iteration is Newton's own, the others use secants over the speed
 _TOLERANCE = 1e-7  # largest change of the position in the last iteration, relative to its size
 _WINDOW_STEPS = 400  # taken together without a guess
@@ -256,7 +257,8 @@ class ForceDrive:
                     failures += 1
                     fewer = together // _WINDOW_DIVISOR
                     together = max(min(fewer, 2 * good) if good else fewer, 1)
-                    if failures > _MAX_FAILURES or (not good and last - first <= 1):
+                    allowed = _MAX_FAILURES + _FAILURES_PER_STEP * first
+                    if failures > allowed or (not good and last - first <= 1):
                         points[:] = np.nan
                         break
                 elif together < _WINDOW_STEPS:

@@ -90,37 +90,28 @@ def select_by_simulation(state: DiagnosisState) -> DiagnosisState:
     return after_selection(state, selection, inverse=inverse)
 
 
-def reconsider_course(state: DiagnosisState) -> DiagnosisState:
-    """Choose the course of the force between samples again, with the selected effects; select again if it changes."""
-    step, result = "reconsider the course of the force", state.result
-    if not result.selected:
-        return state.next(step, "not needed: no effect was selected")
-    before = result.base.fit.structure.force_between
-    course = choose_between([result.model], result.experiment).fit.structure.force_between
-    if course == before:
-        return state.next(step, f"{before} between samples explains the records best")
-    base = exchange_between(result.base, course, result.experiment)
-    reason = f"{course} between samples explains the records better than {before}; effects are selected again"
-    return select_by_simulation(state.next(step, reason, base=base, path=[base]))
-
-
 def reconsider_simulated_base(state: DiagnosisState) -> DiagnosisState:
-    """Choose the base again, with the selected effects; if another base is better, select effects again."""
-    step = "reconsider the base"
-    if state.inverse is None or state.settings.base != CHOSEN_BY_DATA or not state.result.selected:
-        return state.next(step, "not needed: the base is given, or no effect was selected")
-    other = better_base(state.result.model, state.inverse)
-    if other is None:
-        return state.next(step, "no other base explains the records better with the selected effects")
-    count, present = len(other.linear) + len(other.nonlinear), state.result.base.parameters
-    if count > present and is_adequate(state.result.model, state.result.experiment):
-        return state.next(step, "not needed: the model leaves only noise")
-    base = simulate_base(state.result.experiment, other, state.result.base.fit.structure.force_between)
-    reason = f"{other.name} explains the records better with {' and '.join(state.result.selected)}; effects are selected again"
-    again = select_by_simulation(state.next(step, reason, base=base, path=[base]))
-    if again.result.model.score < state.result.model.score:
-        return again
-    return state.next(step, f"{other.name} explains the records better only with the motion as input")
+    """Choose base and course of the force again, with the selected effects; if either changes, select effects again."""
+    step, result, experiment = "reconsider the base", state.result, state.result.experiment
+    if state.inverse is None or not result.selected:
+        return state.next(step, "not needed: no effect was selected")
+    model = choose_between([result.model], experiment)
+    course, other = model.fit.structure.force_between, None
+    if state.settings.base == CHOSEN_BY_DATA:
+        other = better_base(result.model, state.inverse)
+    is_larger = other and len(other.linear) + len(other.nonlinear) > result.base.parameters
+    named = " and ".join(result.selected)
+    if other and not (is_larger and is_adequate(model, experiment)):
+        base = simulate_base(experiment, other, course)
+        reason = f"{other.name} explains the records better with {named}; effects are selected again"
+        again = select_by_simulation(state.next(step, reason, base=base, path=[base]))
+        if again.result.model.score < model.score:
+            return again
+    if course == result.base.fit.structure.force_between:
+        return state.next(step, f"no other base explains the records better with {named}")
+    base = exchange_between(result.base, course, experiment)
+    reason = f"{course} between samples, the force explains the records better with {named}; effects are selected again"
+    return select_by_simulation(state.next(step, reason, base=base, path=[base]))
 
 
 def fit_whole_records(state: DiagnosisState) -> DiagnosisState:
@@ -189,7 +180,6 @@ FORWARD_STEPS = (
     estimate_motion_noise,
     choose_simulated_base,
     select_by_simulation,
-    reconsider_course,
     reconsider_simulated_base,
     find_ties,
     fit_whole_records,
