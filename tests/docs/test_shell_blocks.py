@@ -30,10 +30,14 @@ BEFORE = {
     "docs/tissue/haptic_runtime.md": """
 lumbar export results/thesis/tissue/models.json --model KB --output results/thesis/fmu""",
     "docs/tissue/pendulum_moment.md": "rm -r FOLDER; ln -s results/thesis/twin/hip_moment FOLDER",
+    "docs/tissue/relaxation_and_creep.md": "rm -r FOLDER",  # the page makes it
     "docs/tissue/tutorial.md": "ln -s ../shared/real/friction_damper/*.csv.gz .",
 }
 """What makes the things that the readers of single pages have."""
-QUOTING = {f"docs/tissue/{name}.md" for name in ("haptic_runtime", "pendulum_moment", "space", "tutorial")}
+QUOTING = {
+    f"docs/tissue/{name}.md"
+    for name in ("haptic_runtime", "pendulum_moment", "relaxation_and_creep", "space", "tutorial")
+}
 """Pages whose other blocks hold what their commands print, or sentences of the diagnosis."""
 REFUSED = {"lumbar import counts.csv --dry-run\n"}
 """Blocks that show a refusal."""

@@ -51,6 +51,7 @@ def test_dead_weight_gives_the_parameters(noise):
         assert diagnosis.model[name].value == pytest.approx(value, rel=0.03)
     assert diagnosis.model.output.offset == pytest.approx(ZERO_MM, abs=0.003)
     assert diagnosis.result.model.fit.converged
+    assert {item.unit for item in diagnosis.model.parameters if item.derived} == {"N/mm", "N·s/mm", "s"}
 
 
 @pytest.mark.nightly

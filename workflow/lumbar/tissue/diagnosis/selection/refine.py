@@ -24,6 +24,7 @@ from lumbar.tissue.models.fitted_model import FittedModel, models_document
 from lumbar.tissue.models.form import Effect
 from lumbar.tissue.models.model_data import OUTPUT_ERROR, MotionRange, Port, Scores
 from lumbar.tissue.models.motion import SpatialMotion
+from lumbar.tissue.models.structure import ForwardStructure
 from lumbar.tissue.signals.spectrum import motion_range
 
 
@@ -49,7 +50,10 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
                 low, high, derived = item.low - item.value, item.high - item.value, item.name in turning
                 parameters[index] = replace(item, value=0.0, low=low, high=high, derived=derived)
     try:
-        derived, failure = derived_estimates(fit, training, *units), ""
+        elements = (
+            units[::-1] if isinstance(structure, ForwardStructure) else units
+        )  # always from position to force
+        derived, failure = derived_estimates(fit, training, *elements), ""
     except NumericalError as error:
         derived, failure = [], str(error)
     # MRU (Eq. 3.16) from the intervals; a parameter at its bound 0, to rounding, has no relative uncertainty.
