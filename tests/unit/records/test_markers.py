@@ -108,7 +108,7 @@ def test_facing_within_tolerance_is_accepted(tmp_path, degrees, fits):
         read_markers(path, layout_of(aliases=STANDARD))
     else:
         message = refusal(read_markers, path, layout_of(aliases=STANDARD))
-        assert has_tokens(message, 'toes … forward: "')
+        assert has_tokens(message, 'faces along … forward: "')
 
 
 def test_swapped_sides_are_rejected(tmp_path):
@@ -119,20 +119,20 @@ def test_swapped_sides_are_rejected(tmp_path):
 
 
 WALKING = (
-    ("10_plugin_outputs.c3d", "+x", "toes … heels … +x"),
-    ("07_subject_labels.c3d", "-x", "toes … ankles … -x"),
+    ("10_plugin_outputs.c3d", "+x"),
+    ("07_subject_labels.c3d", "-x"),
 )
 
 
-@pytest.mark.parametrize(("name", "forward", "tokens"), WALKING)
-def test_axes_of_walking_subject_are_compared_per_frame(shared, name, forward, tokens):
+@pytest.mark.parametrize(("name", "forward"), WALKING)
+def test_axes_of_walking_subject_are_compared_per_frame(shared, name, forward):
     """Markers of the feet are hidden in different halves of the walk: their medians over time lie metres apart."""
     layout = lumbar.StudySettings().lifting.markers
     path = shared / "real" / "c3d_edge" / name
     assert len(read_markers(path, layout.model_copy(update={"required": (), "forward": forward}))) > 100
     for wrong in {"+x", "-x", "+y", "-y"} - {forward}:
         message = refusal(read_markers, path, layout.model_copy(update={"required": (), "forward": wrong}))
-        assert has_tokens(message, f'{tokens} … forward: "{forward}"')
+        assert has_tokens(message, f'faces along {forward} … forward: "{forward}"')
 
 
 def test_markers_never_seen_together_show_no_axis(tmp_path):
@@ -155,7 +155,7 @@ def test_sides_name_the_axis_that_fits_or_the_labels(tmp_path):
     path = write(tmp_path, front)
     aliases = {name: name for name in front}
     message = refusal(read_markers, path, layout_of(aliases=aliases, forward="-y"))
-    assert has_tokens(message, 'pelvis … +y … forward: "+y"') and not has_tokens(message, "swapped")
+    assert has_tokens(message, 'faces along +y … forward: "+y"') and not has_tokens(message, "swapped")
     aliases |= {f"{a}_{part}": f"{b}_{part}" for part in ("HIP", "HEEL") for a, b in ("LR", "RL")}
     message = refusal(read_markers, path, layout_of(aliases=aliases))
     assert has_tokens(message, "left … right … swapped") and not has_tokens(message, "forward:")

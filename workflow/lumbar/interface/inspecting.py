@@ -68,7 +68,7 @@ def inspect(
     >>> report.sheet.findings
     ()
     >>> print(report.axes)
-    up +z, forward +y (7 pairs of left and right markers, 7 of front and back)
+    up +z, forward +y (7 pairs of left and right markers, 9 of front and back)
     """
     path = Path(path)
     if path.is_dir():
@@ -82,11 +82,11 @@ def inspect(
     step = max(1, max(map(len, usable.values()), default=0) // _MAX_FRAMES)
     rotation = rotation_to_standard(layout.up, layout.forward)
     body_axes = find_axes({name: usable[label][::step] @ rotation for label, name in named.items()})
-    up, forward = layout.up, layout.forward
-    if body_axes and body_axes.forward:
-        up, forward, axes = body_axes.up, body_axes.forward, str(body_axes)
-    else:
-        axes = f"{body_axes or 'not known from the labels'}; up {up} and forward {forward} of the settings are assumed"
+    up, forward, axes = layout.up, layout.forward, str(body_axes or "not known from the labels")
+    if body_axes and (body_axes.forward or body_axes.up[1] != forward[1]):
+        up, forward = body_axes.up, body_axes.forward or forward
+    if not (body_axes and body_axes.forward):
+        axes += f"; up {up} and forward {forward} are assumed"
     is_rotated = (up, forward) != (layout.up, layout.forward)
     markers = layout.model_copy(update={"up": up, "forward": forward})
     rotated = chosen.model_copy(update={"markers": markers})

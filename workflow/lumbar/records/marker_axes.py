@@ -12,31 +12,34 @@ _AXES: tuple[tuple[Axis, Axis], ...] = (("-x", "+x"), ("-y", "+y"), ("-z", "+z")
 _TRUNK_TOP = ("C7", "MANUBRIUM", "XIPHOID", "L_SHOULDER", "R_SHOULDER")
 _PELVIS = ("SACRUM", "L5", "L_HIP", "R_HIP", "L_ASIS", "R_ASIS", "L_PSIS", "R_PSIS")
 _TRUNK = ("T12", *_TRUNK_TOP, *_PELVIS)
-_SIDE_PAIRS = tuple((f"L_{part}", f"R_{part}") for part in ("SHOULDER", "HIP", "ANKLE", "HEEL", "TOE"))
-_FEET_PAIRS = (("L_HEEL", "L_TOE"), ("R_HEEL", "R_TOE"))
-_PELVIS_PAIRS = (("SACRUM", "L_ASIS"), ("SACRUM", "R_ASIS"), ("L_PSIS", "L_ASIS"), ("R_PSIS", "R_ASIS"))
-_FACING_PAIRS = (
-    (_FEET_PAIRS, "the toes are ahead of the heels"),
-    ((("L_ANKLE", "L_TOE"), ("R_ANKLE", "R_TOE")), "the toes are ahead of the ankles"),
-    (_PELVIS_PAIRS, "the front of the pelvis is ahead of its back"),
-    ((("C7", "MANUBRIUM"), ("C7", "XIPHOID")), "the chest is ahead of the back"),
+_SIDE_PAIRS = tuple(
+    (f"L_{part}", f"R_{part}")
+    for part in ("SHOULDER", "HIP", "ANKLE", "HEEL", "TOE", "ASIS", "PSIS", "KNEE", "ELBOW")
 )
-"""Pairs of a rear and a front marker with a description, the most reliable first."""
-_FRONT_PAIRS = (*_PELVIS_PAIRS, ("C7", "MANUBRIUM"), *_FEET_PAIRS)
+_FRONT_PAIRS = (
+    *(
+        ("SACRUM", "L_ASIS"),
+        ("SACRUM", "R_ASIS"),
+        ("L_PSIS", "L_ASIS"),
+        ("R_PSIS", "R_ASIS"),
+        ("C7", "MANUBRIUM"),
+    ),
+    *((f"{side}_{rear}", f"{side}_TOE") for rear in ("HEEL", "ANKLE") for side in "LR"),
+)
 """Pairs of a rear and a front marker of trunk and feet."""
-_ALL_SIDE_PAIRS = (
-    *_SIDE_PAIRS,
-    *((f"L_{part}", f"R_{part}") for part in ("ASIS", "PSIS", "KNEE", "ELBOW")),
-)
+_ALL_PAIRS = (*_SIDE_PAIRS, *_FRONT_PAIRS)
+_PAIRS = (_SIDE_PAIRS, _FRONT_PAIRS, _ALL_PAIRS)
+_FORWARD, _UP = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 _MIN_PAIR_DISTANCE_M = 0.02
 """Smallest horizontal distance of a pair that shows a direction."""
 _MIN_LEVEL_SHARE = 0.7
 """Smallest horizontal share of a vector that shows the direction in which a body faces."""
 _MAX_TURN_DEG = 15.0
 """Largest angle between the body and an axis of the file that is not reported."""
-_MIN_CONTRADICTION_RATIO = 2.0
-"""Smallest ratio of the length along another axis to the length along the declared axis that contradicts the declared axis;
-a bent trunk or a rotated foot has a smaller ratio."""
+_MIN_STEADINESS = 0.7
+"""Smallest length of the mean of unit vectors over the frames that shows a direction; it is smaller if the body turns around."""
+_CONTRADICTION_DEG = 60.0
+"""Smallest angle between the body and a declared axis that contradicts the axis; a bent trunk or a rotated foot makes less."""
 
 
 def axis_vector(axis: str) -> np.ndarray:
@@ -72,10 +75,7 @@ def rotation_to_standard(up: str, forward: str) -> np.ndarray:
 
 
 def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: str, remark: str = "") -> None:
-    """Raise if the markers contradict the declared axes.
-
-    Three directions are compared, each by the median over the frames with its markers: feet to trunk (or pelvis to shoulders)
-    is up; heel or ankle to toe, or else the back to the front of pelvis or trunk, is forward; left to right is lateral.
+    """Raise if the markers contradict the declared axes, by the directions of `find_axes`.
 
     Parameters
     ----------
@@ -93,46 +93,39 @@ def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: s
     """
     rotation = rotation_to_standard(layout.up, layout.forward)
     upward = _upward_vector(positions)
-    if upward is not None and _contradicts(upward, 2):
+    if upward is not None and _angle_deg(upward, _UP) > _CONTRADICTION_DEG:
         axis = _file_axis(upward, rotation)
         raise InputError(
             f'{source}: markers.up: {layout.up}, but the body stands along {axis}{remark}; set up: "{axis}"'
         )
-    facing, description = _facing_vector(positions)
-    if facing is not None and _contradicts(facing, 1):
-        axis = _file_axis(facing, rotation)
+    across, ahead, facing = (_facing_vector(_votes(positions, _UP, pairs)) for pairs in _PAIRS)
+    if across is not None and ahead is not None and _angle_deg(across, ahead) > 180 - _CONTRADICTION_DEG:
         raise InputError(
-            f"{source}: markers.forward: {layout.forward}, but {description} along {axis}{remark}; set forward: "
-            f'"{axis}" (or check_axes: false if the person turns around)'
+            f"{source}: the right side of the body is not to the right of the left side{remark}; left and right labels are "
+            "swapped (check_axes: false skips this check)"
         )
-    across = _segments(positions, _SIDE_PAIRS)
-    if across and _contradicts(np.mean(across, axis=0) * [1, 1, 0], 0):
-        # Either the labels are swapped or forward is wrong; the front of the body may decide.
-        faces = _file_axis(np.cross([0.0, 0.0, 1.0], np.mean(across, axis=0)), rotation)
-        ahead = _segments(positions, _FRONT_PAIRS)
-        front = _file_axis(np.sum(ahead, axis=0) * [1, 1, 0], rotation) if ahead else None
-        remedy = f'set forward: "{faces}"'
-        if front == layout.forward:
-            remedy = "left and right labels are swapped"
-        elif front != faces:
-            remedy += ", unless left and right labels are swapped"
+    if facing is not None and _angle_deg(facing, _FORWARD) > _CONTRADICTION_DEG:
+        axis = _file_axis(facing, rotation)
+        other = "" if ahead is not None else ", unless left and right labels are swapped"
         raise InputError(
-            f"{source}: the right side of the body is not to the right of the left side{remark}; {remedy} (check_axes: "
-            "false skips this check)"
+            f"{source}: markers.forward: {layout.forward}, but the body faces along {axis}{remark}; set forward: "
+            f'"{axis}"{other}'
         )
 
 
 def uncheckable_axes(positions: dict[str, np.ndarray]) -> list[str]:
-    """Return the declared axes (``up``, ``forward``) that cannot be compared with the body, because markers are missing.
+    """Return the declared axes (``up``, ``forward``) that no marker shows; a body that turns around shows no forward axis.
 
     Parameters
     ----------
     positions : dict of str to ndarray, shape (n_frames, 3)
-        Markers by standard name.
+        Markers by standard name, rotated by the declared axes.
     """
-    has_forward = bool(_segments(positions, _SIDE_PAIRS)) or _facing_vector(positions)[0] is not None
-    checkable = {"up": _upward_vector(positions) is not None, "forward": has_forward}
-    return [axis for axis, is_checkable in checkable.items() if not is_checkable]
+    is_seen = {
+        "up": _upward_vector(positions) is not None,
+        "forward": _facing_vector(_votes(positions, _UP, _ALL_PAIRS)) is not None,
+    }
+    return [axis for axis, is_known in is_seen.items() if not is_known]
 
 
 @dataclass(frozen=True)
@@ -141,14 +134,14 @@ class BodyAxes:
 
     up: Axis
     forward: Axis | None
-    """None if no pair of markers shows it."""
+    """None if no pair of markers shows it, or the body turns around."""
     turn_deg: float
     """Angle between the forward axis and the direction in which the body faces."""
     evidence: str
     """Markers that show the axes, as text."""
 
     def __str__(self) -> str:
-        forward = f"forward {self.forward}" if self.forward else "forward not known"
+        forward = f"forward {self.forward or 'not known: no markers show it, or the body turns'}"
         turned = f", {self.turn_deg:.0f}° away from it" if self.turn_deg > _MAX_TURN_DEG else ""
         return f"up {self.up}, {forward}{turned} ({self.evidence})"
 
@@ -168,31 +161,24 @@ def find_up(positions: dict[str, np.ndarray]) -> Axis | None:
 def find_axes(positions: dict[str, np.ndarray]) -> BodyAxes | None:
     """Return the axes of a file from the directions in which the body stands and faces; None if no marker shows which axis is up.
 
-    Every pair of markers, left and right or back and front, has one vote for the forward direction.
+    In every frame each pair of markers, left and right or back and front, has one vote for the direction; frames without a
+    pair have none. The body faces forward as in the mean of the frames.
 
     Parameters
     ----------
-    positions : dict of str to ndarray, shape (n_frames, 3)
+    positions : dict of str to numpy.ndarray, shape (n_frames, 3)
         Markers by standard name, in metres and in the axes of the file.
     """
     up = find_up(positions)
     if up is None:
         return None
-    vertical = axis_vector(up)
-    across = [np.cross(vertical, vector) for vector in _segments(positions, _ALL_SIDE_PAIRS)]
-    ahead = [vector * (vertical == 0) for vector in _segments(positions, _FRONT_PAIRS)]
-    votes = [
-        vector / length
-        for vector in (*across, *ahead)
-        if (length := np.linalg.norm(vector)) > _MIN_PAIR_DISTANCE_M
-    ]
-    facing = np.sum(votes, axis=0) if votes else np.zeros(3)
-    evidence = f"{len(across)} pairs of left and right markers, {len(ahead)} of front and back"
-    if not facing.any():
+    sides, fronts = (_votes(positions, axis_vector(up), pairs) for pairs in (_SIDE_PAIRS, _FRONT_PAIRS))
+    evidence = f"{len(sides)} pairs of left and right markers, {len(fronts)} of front and back"
+    facing = _facing_vector([*sides, *fronts])
+    if facing is None:
         return BodyAxes(up, None, 0.0, evidence)
     forward = _file_axis(facing, np.eye(3))
-    turn = np.degrees(np.arccos(np.clip(facing @ axis_vector(forward) / np.linalg.norm(facing), -1, 1)))
-    return BodyAxes(up, forward, float(turn), evidence)
+    return BodyAxes(up, forward, _angle_deg(facing, axis_vector(forward)), evidence)
 
 
 def _upward_vector(positions: dict[str, np.ndarray]) -> np.ndarray | None:
@@ -201,24 +187,35 @@ def _upward_vector(positions: dict[str, np.ndarray]) -> np.ndarray | None:
     return _segment(positions, _PELVIS, _TRUNK_TOP) if upward is None else upward
 
 
-def _facing_vector(positions: dict[str, np.ndarray]) -> tuple[np.ndarray | None, str]:
-    """Return the horizontal vector, shape (3,), in which the body faces, and its description; None without markers.
+def _votes(
+    positions: dict[str, np.ndarray], vertical: np.ndarray, pairs: tuple[tuple[str, str], ...]
+) -> list[np.ndarray]:
+    """Return by pair the horizontal unit vectors in which it lets the body face, shape (n_frames, 3); NaN if it shows none."""
+    votes = []
+    for start, end in pairs:
+        if start not in positions or end not in positions:
+            continue
+        vector = positions[end] - positions[start]
+        level = vector * (vertical == 0)
+        length, total = (np.linalg.norm(each, axis=1, keepdims=True) for each in (level, vector))
+        with np.errstate(invalid="ignore", divide="ignore"):
+            is_clear = (length > _MIN_PAIR_DISTANCE_M) & (length > _MIN_LEVEL_SHARE * total)
+            vote = np.where(is_clear, level / length, np.nan)
+        if is_clear.any():
+            votes.append(np.cross(vertical, vote) if (start, end) in _SIDE_PAIRS else vote)
+    return votes
 
-    Feet are used first, then the pelvis, then the chest, unless they point too far down, as the front of a bent trunk.
-    """
-    for pairs, description in _FACING_PAIRS:
-        vectors = _segments(positions, pairs)
-        total = np.sum(vectors, axis=0) if vectors else np.zeros(3)
-        level = total * [1, 1, 0]
-        if vectors and np.linalg.norm(level) > _MIN_LEVEL_SHARE * np.linalg.norm(total):
-            return level, description
-    return None, ""
 
-
-def _segments(positions: dict[str, np.ndarray], pairs: tuple[tuple[str, str], ...]) -> list[np.ndarray]:
-    """Return the median vectors of the pairs of markers that exist."""
-    vectors = (_segment(positions, (start,), (end,)) for start, end in pairs)
-    return [vector for vector in vectors if vector is not None]
+def _facing_vector(votes: list[np.ndarray]) -> np.ndarray | None:
+    """Return the direction in which the body faces by the mean of the frames with votes, shape (3,); None if it is not steady."""
+    if not votes:
+        return None
+    frames = np.nansum(votes, axis=0)
+    length = np.linalg.norm(frames, axis=1)
+    # Frames without a vote, or with votes that contradict each other, show nothing.
+    known = length > 0
+    mean = (frames[known] / length[known, None]).mean(axis=0) if known.any() else np.zeros(3)
+    return mean if np.linalg.norm(mean) >= _MIN_STEADINESS else None
 
 
 def _segment(
@@ -241,9 +238,9 @@ def _segment(
     return np.median(vectors[together], axis=0) if together.any() else None
 
 
-def _contradicts(vector: np.ndarray, axis: int) -> bool:
-    """Return whether a vector clearly does not point along the positive `axis`."""
-    return bool(np.abs(vector).max() > _MIN_CONTRADICTION_RATIO * vector[axis])
+def _angle_deg(one: np.ndarray, other: np.ndarray) -> float:
+    cosine = one @ other / np.linalg.norm(one) / np.linalg.norm(other)
+    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
 
 
 def _file_axis(vector: np.ndarray, rotation: np.ndarray) -> Axis:

@@ -392,7 +392,7 @@ def read_upright(path: str | os.PathLike, layout: MarkerLayout) -> MarkerRecordi
     unknown = check_unaliased_axes(measured["points"], recording, layout)
     if not unknown:
         return recording
-    note = f"not checked: {' and '.join(unknown)} of the axes, because no known label of the body shows them"
+    note = f"not checked: {' and '.join(unknown)} of the axes, because no known label of the body shows them, or it turns"
     return replace(recording, notes=(*recording.notes, note))
 
 

@@ -22,7 +22,8 @@ from lumbar.records.sampling import runs
 
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "displacement")
 MAJORITY = "decided only by most frames"
-"""Evidence if only the number of frames decides: no symmetry shows the correct side, and the shorter part is not short."""
+"""Evidence if only the number of frames decides: no symmetry shows the correct side, the shorter part is not short, and the
+marker does not come back."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class Displacement:
     """Leap to the wrong place, or back from it."""
     evidence: str
     """Sizes and distances, as text."""
+    is_certain: bool = True
+    """False if only the number of frames decides which part is displaced."""
 
 
 def displacements(
@@ -105,8 +108,13 @@ def displacements(
     united = []
     for run in runs(mask):
         parts = (one for one in displaced if run.start <= one.frames.start < run.stop)
-        first = min(parts, key=lambda one: one.leap.first)
-        united.append(Displacement(run, first.leap, first.evidence))
+        parts = sorted(parts, key=lambda one: one.leap.first)
+        ends = {frame for one in parts for frame in (one.leap.first, one.leap.last + 1)}
+        is_certain = {run.start, run.stop} <= ends or all(one.is_certain for one in parts)
+        remark = (
+            "" if is_certain else f" ({MAJORITY}: the other part may be the wrong one, nothing is left out)"
+        )
+        united.append(Displacement(run, parts[0].leap, parts[0].evidence + remark, is_certain))
     return united, undecided
 
 
@@ -151,8 +159,7 @@ def _displacement(
     typical = float(np.nanmedian(distance(label)[np.abs(likeness - correct) < _AT.near]))
     wrong = before if correct else before + change
     evidence = f"there {wrong * 1e3:.0f} mm from {label}, usually {typical * 1e3:.0f} mm"
-    if better is None and min(counts) > _AT.doubtful * sum(counts):
-        evidence += f" ({MAJORITY}: the other part may be the wrong one)"
+    is_certain = better is not None or min(counts) <= _AT.doubtful * sum(counts)
     # Frames from the leap, away from its correct side, until the distances are normal again.
     frames = np.arange(leap.last, span.start - 1, -1) if correct else np.arange(leap.first, span.stop)
     outward = likeness[frames]
@@ -164,7 +171,7 @@ def _displacement(
         while abs(outward[grown - 1] - outward[count - 1]) > _AT.drifting:
             count, grown = grown, _extend_until_steady(outward, grown, near)
         frames = frames[:grown]
-    return Displacement(slice(int(frames.min()), int(frames.max()) + 1), leap, evidence)
+    return Displacement(slice(int(frames.min()), int(frames.max()) + 1), leap, evidence, is_certain)
 
 
 def _changed_distances(

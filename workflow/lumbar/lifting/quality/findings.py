@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 ERROR, LEFT_OUT, PROPOSED, NOTED = "error", "left out", "proposed", "noted"
-"""Outcomes of a finding: the trial stops; the interval becomes a gap; an exchange of labels is proposed, and the interval is a
-gap until the labels are exchanged; the finding is only reported."""
+"""Outcomes of a finding: the trial stops; the interval becomes a gap; a correction is proposed, because the finding is not
+certain; the finding is only reported. Nothing is left out because of the last two."""
 _RELABEL = "label it again in the capture software"
 _RELABEL_OR_REPLACE = f"{_RELABEL}, or name another marker in markers.aliases"
 REMEDIES = {

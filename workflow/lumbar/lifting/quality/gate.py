@@ -1,5 +1,6 @@
 """Checks of a marker recording before it is used: its points must be able to be a moving body."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -108,7 +109,7 @@ def unchecked_properties(
 
 
 def mask_findings(points: dict[str, np.ndarray], findings: list[MarkerFinding]) -> dict[str, np.ndarray]:
-    """Return the points with NaN in frames in which a finding leaves out a marker or proposes another label.
+    """Return the points with NaN in frames in which a finding leaves out a marker.
 
     Parameters
     ----------
@@ -119,7 +120,7 @@ def mask_findings(points: dict[str, np.ndarray], findings: list[MarkerFinding]) 
     """
     result = dict(points)
     for finding in findings:
-        if finding.outcome in (LEFT_OUT, PROPOSED):
+        if finding.outcome == LEFT_OUT:
             for label in finding.markers:
                 changed = result[label].copy()
                 changed[finding.frames] = np.nan
@@ -137,8 +138,8 @@ def usable_markers(points: dict[str, np.ndarray], findings: list[MarkerFinding])
     findings : list of MarkerFinding
         Findings in this recording.
     """
-    usable = mask_findings(points, [finding for finding in findings if finding.outcome == LEFT_OUT])
-    return {label: positions for label, positions in usable.items() if np.isfinite(positions).any()}
+    masked = mask_findings(points, findings)
+    return {label: positions for label, positions in masked.items() if np.isfinite(positions).any()}
 
 
 def _sampled(points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -221,18 +222,23 @@ def _find_leaps_and_exchanges(
     for pair in {*reversed_pairs, *(one.pair for one in flipped)}:
         straight = body.exchange_labels(straight, tuple(pair))
     changing = frozenset().union(*(one.pair for one in exchanges))
+    compared = body.rightward(_sampled(straight), legend.named)[0] if exchanges else {}
     for exchange in exchanges:
         shorter, longer = exchange.intervals(n_frames)
         if exchange in flipped:
             sided = [pair for pair in sided if frozenset(pair.labels) != exchange.pair]
         wrong = longer if exchange in flipped else shorter
-        findings += _exchange_findings(points, straight, exchange, wrong, changing, legend)
+        # Labels that change back were wrong in between. After a single change, only the sides of the body show the wrong part.
+        is_certain = len(exchange.frames) % 2 == 0 or exchange.pair in map(frozenset, compared)
+        for item in _exchange_findings(points, straight, exchange, wrong, changing, legend):
+            remark = (
+                "" if is_certain else "; nothing is left out, because the other part may be the wrong one"
+            )
+            outcome = LEFT_OUT if is_certain else PROPOSED
+            findings.append(replace(item, outcome=outcome, cause=item.cause + remark))
     for pair in sided:
         one, other = pair.labels
-        cause = (
-            f"their labels are exchanged: if so, exchange {one} and {other} in markers.aliases; until then both are left out of "
-            "all frames"
-        )
+        cause = f"their labels may be exchanged: if so, exchange {one} and {other} in markers.aliases; nothing is left out"
         findings.append(legend.finding("exchanged", PROPOSED, pair.evidence, cause, pair.labels))
     if mirrored:
         cause = "the labels of both sides are exchanged, or an axis of the file is mirrored"
@@ -252,10 +258,7 @@ def _exchange_findings(
     pair = (exchange.first, exchange.second)
     others = {one: points for one, points in _sampled(straight).items() if one not in changing - {pair[0]}}
     mate = displacement.steadiest_mate(others, exchange.first)
-    cause = (
-        "their labels are exchanged in these frames, which are gaps of both until both are labelled again in the capture "
-        "software"
-    )
+    cause = "their labels are exchanged in these frames: label both again in the capture software"
     findings = []
     for frames in intervals:
         evidence = f"each leaps {exchange.distance * 1e3:.0f} mm to the place of the other"
@@ -266,7 +269,7 @@ def _exchange_findings(
             )
             evidence += f"; {exchange.first} is {typical:.0f} mm from {mate}, here {here:.0f} mm"
             evidence += f", with labels exchanged {swapped:.0f} mm"
-        findings.append(legend.finding("exchanged", PROPOSED, evidence, cause, pair, frames))
+        findings.append(legend.finding("exchanged", LEFT_OUT, evidence, cause, pair, frames))
     return findings
 
 
@@ -290,7 +293,8 @@ def _find_displacements(
             if other:
                 cause = f"it is at the place of {other}: two labels were exchanged"
             evidence = f"{_format_leap(one.leap, legend)}, {one.evidence}"
-            findings.append(legend.finding("jump", LEFT_OUT, evidence, cause, (label,), one.frames))
+            outcome = LEFT_OUT if one.is_certain else PROPOSED
+            findings.append(legend.finding("jump", outcome, evidence, cause, (label,), one.frames))
         for leap in undecided:
             evidence = f"{_format_leap(leap, legend)}; its distances to other markers do not show if it is wrong before or after"
             cause = "check it in the capture software: nothing is left out"

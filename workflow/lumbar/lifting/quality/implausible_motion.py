@@ -88,8 +88,10 @@ def find_leaps(positions: np.ndarray, rate: float) -> tuple[list[Leap], list[sli
             off = np.linalg.norm(positions[last : first + 1] - path, axis=1)
             far = last + np.flatnonzero(off >= 0.5 * np.nanmax(off))
             spikes.append(slice(int(far[0]), int(far[-1]) + 1))
-    # A gap between seen frames hides a leap if both continuations differ by more than a body moves meanwhile.
+    # A gap between seen frames hides a leap if both continuations differ by more than a body moves meanwhile, and by more than
+    # they would differ in most gaps of this length in frames in which the marker is seen.
     visible = np.isfinite(positions[:, 0])
+    usual: dict[int, float] = {}
     for gap in runs(~visible):
         seconds = (gap.stop - gap.start) / rate
         sides = (
@@ -98,9 +100,24 @@ def find_leaps(positions: np.ndarray, rate: float) -> tuple[list[Leap], list[sli
         )
         if seconds <= LONGEST_GAP_S and min(side.sum() for side in sides) >= _LIMITS.line:
             before, after = _extrapolate(positions, gap.start - 1, gap.stop)
-            if np.linalg.norm(after - before) > _LIMITS.gap_m + _LIMITS.gap_m_s2 * seconds**2:
+            length = gap.stop - gap.start + 1
+            limit = _LIMITS.gap_m + _LIMITS.gap_m_s2 * seconds**2
+            size = float(np.linalg.norm(after - before))
+            if size > limit:
+                usual.setdefault(length, _LIMITS.above_usual * _usual_difference(positions, length))
+            if size > max(limit, usual.get(length, 0.0)):
                 leaps.append(Leap(gap.start - 1, gap.stop, before, after))
     return sorted(leaps, key=lambda leap: leap.first), spikes
+
+
+def _usual_difference(positions: np.ndarray, length: int) -> float:
+    """Return the 95th percentile of the distances of both continuations over `length` steps of a marker, metres."""
+    middle, slope = positions[1:-1], (positions[2:] - positions[:-2]) / 2
+    apart = length + _LIMITS.line - 1
+    reach = middle[apart:] - middle[:-apart] - (slope[apart:] + slope[:-apart]) * apart / 2
+    size = np.linalg.norm(reach, axis=1)
+    size = size[np.isfinite(size)]
+    return float(np.percentile(size, 95)) if len(size) >= _LIMITS.enough_places else np.inf
 
 
 def step_sizes(positions: np.ndarray) -> np.ndarray:

@@ -16,7 +16,7 @@ import numpy as np
 
 from lumbar.base.errors import InputError
 from lumbar.lifting.quality.body import check_unaliased_axes, landmarks
-from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, PROPOSED, MarkerFinding
+from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, MarkerFinding
 from lumbar.lifting.quality.gate import examine, mask_findings, unchecked_properties, usable_markers
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording, Repair, read_markers
@@ -221,7 +221,7 @@ def sheet_of(recording: MarkerRecording, screening: Screening, layout: MarkerLay
     findings = []
     for finding in screening.findings:
         names: tuple[str, ...] = ()
-        if finding.outcome in (LEFT_OUT, PROPOSED):
+        if finding.outcome == LEFT_OUT:
             # Two frames: all labels are seen in the first, all but the finding's markers in the second.
             frames = {label: np.zeros((2, 3)) for label in labels}
             frames |= {label: np.array([[0.0] * 3, [np.nan] * 3]) for label in finding.markers}
@@ -359,7 +359,7 @@ def quality_table(sheets: Sequence[dict], source_label: str) -> Table:
                 "missing_percent": 100 * sheet["missing_share"],
                 "longest_gap_s": max((gap["longest_s"] for gap in sheet["gaps"]), default=0.0),
                 "estimated": ", ".join(sheet["estimated"]) or "none",
-                "left_out": sum(finding["outcome"] in (LEFT_OUT, PROPOSED) for finding in sheet["findings"]),
+                "left_out": sum(finding["outcome"] == LEFT_OUT for finding in sheet["findings"]),
                 "findings": "; ".join(findings) or "none",
                 "not_checked": ", ".join(sheet["unchecked"]) or "none",
             }
