@@ -236,7 +236,9 @@ def find_level_noise(record: Record) -> Repair | None:
     nearest = levels.values[np.abs(values[:, None] - levels.values).argmin(axis=1)]
     deviation = np.where(rests, values - nearest, 0.0)
     noise = float(np.sqrt(np.mean(deviation[rests] ** 2)))
-    if noise <= _MIN_NOISE * np.std(values):
+    # Ends of moves are far from the level in few samples.
+    is_tail = noise > _MAX_TAIL_RATIO * _robust_deviation(deviation[rests])
+    if is_tail or noise <= _MIN_NOISE * np.std(values):
         return None
     both = rests[1:] & rests[:-1] & (np.diff(nearest) == 0)
     dependence = float(np.corrcoef(deviation[1:][both], deviation[:-1][both])[0, 1])
