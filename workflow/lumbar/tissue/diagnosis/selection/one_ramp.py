@@ -52,6 +52,8 @@ def _rests(position: np.ndarray, force: np.ndarray) -> bool:
     """Return whether a position is constant, or the noise of an encoder at rest."""
     if np.ptp(position) == 0:
         return True
+    if np.ptp(position[1:]) == 0 or np.ptp(position[:-1]) == 0:  # one step, at an end
+        return False
     if np.corrcoef(position[1:], position[:-1])[0, 1] >= _MIN_MEMORY or np.ptp(force) == 0:
         return False
     return abs(np.corrcoef(position, force[-len(position) :])[0, 1]) < _MIN_RESPONSE_CORRELATION
