@@ -55,7 +55,7 @@ def main(input, output, settings: StabilitySettings, labels: dict[str, str], sou
     areas_table(boa, settings, source_label).write(stem(output.basin_areas))
     failures_table(failures, source_label).write(stem(output.missing_basins))
     if len(failures):
-        print(announcement(output.failures), file=sys.stderr)
+        print(f"WARNING: {announcement(failures, len(boa), output.failures)}", file=sys.stderr)
     _draw(input, output, facts, settings, labels, source_label)
 
 

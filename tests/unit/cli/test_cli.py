@@ -167,6 +167,9 @@ def test_basin_reads_the_files_of_lift(run, project, twin_lift, tmp_path):
     study.write_text("stability: {checks: [simulation], knots: 253, attack: {starts: 20}}\n")
     run.done("basin", output / "pendulum.csv", "--output", output, "--config", study)
     assert (output / "boa.csv").read_text().count("\n") > 6
+    study.write_text("stability: {checks: [simulation], knots: 253, goal_level: 1.0e+6}\n")
+    message = run.refused("basin", output / "pendulum.csv", "--output", output, "--config", study)
+    assert "12 of 12 basins not computed: " in message and len(message.splitlines()) == 1
     faults = ((tmp_path / "x.yaml", 23, f"{tmp_path / 'x.yaml'}: "), (subject, -1, "box_mass_kg is -1 kg"))
     for person, mass, message in faults:
         options = ("--subject", person, "--box-mass", mass, "--output", output)

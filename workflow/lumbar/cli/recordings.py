@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
+import sys
 from pathlib import Path
 
 import lumbar
@@ -157,7 +158,7 @@ def _explore_command(folder: Path, options) -> str:
 
 
 def run_basin(options) -> None:
-    """Compute and check the basins, write areas and funnels, and end with an error if a basin is missing."""
+    """Compute and check the basins, write areas and funnels; end with an error if a basin of the study is missing."""
     from lumbar.lifting.stability.model.pendulum_trajectories import announcement
 
     settings = read_settings(options)
@@ -167,5 +168,9 @@ def run_basin(options) -> None:
     if not result.areas.empty:
         print(f"{result}\n{len(result.areas)} basins are in {options.output / 'boa.csv'}")
         print(f"To push the pendulums: {_explore_command(options.states.parent, options)}")
-    if message := announcement(options.output / "failures.csv"):
+    if (failures := result.failures()).empty:
+        return
+    message = announcement(failures, len(result.areas), options.output / "failures.csv")
+    if not result.complete:
         raise NumericalError(message)
+    print(f"WARNING: {message}", file=sys.stderr)

@@ -112,6 +112,12 @@ class Basins(Result):
         """Return the basins that could not be computed, with their reasons."""
         return failures_frame([*self._trajectories[1], *self._basins.failures])
 
+    @property
+    def complete(self) -> bool:
+        """True if every pendulum of the lift has its basin in the study's convention."""
+        asked, computed = self.states.states, self.funnels.query("wording == 'study'")
+        return 0 < len(asked.groupby(["com", "plane"])) == len(computed.groupby(["com", "plane"]))
+
     def files(self) -> Iterator[tuple[str, Any]]:
         """Yield ``boa.csv``, ``funnel.csv`` and ``failures.csv``."""
         yield "boa.csv", self.areas

@@ -69,9 +69,7 @@ def test_euler_blows_up_where_the_accurate_solution_does_not():
     light = minimum_jerk(mass=2.0, length=0.12, duration=2.0)
     pendulums = pendulums_of([light], "hanging", knots=60)
     assert (determinant(cost_to_go(pendulums, WEIGHTS)) > 0).all()
-    with pytest.raises(
-        NumericalError, match=r"expert 23 kg, abdomen, flexion_extension .*Riccati.*stability\.knots"
-    ):
+    with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, flexion_extension .*Riccati"):
         cost_to_go_euler(pendulums, WEIGHTS)
 
 
@@ -228,23 +226,21 @@ def test_basin_of_many_turns_is_rejected():
     loops = regulate(pendulums_of([minimum_jerk(duration=8.0)], "hanging"), strong)
     with pytest.raises(
         NumericalError,
-        match=r"expert 23 kg, abdomen, .*\bbasin .*32 rad.*stability\.regulator\.control_weight",
+        match=r"expert 23 kg, abdomen, .*\bbasin .*32 rad",
     ):
         exact_funnels(loops)
 
 
 def test_goal_set_beyond_every_funnel_is_named():
     loops = loops_of([minimum_jerk()], "hanging")
-    with pytest.raises(
-        NumericalError, match=r"expert 23 kg, abdomen, .*\bgoal set .*3\.1[0-9] rad.*stability\.goal_level"
-    ):
+    with pytest.raises(NumericalError, match=r"expert 23 kg, abdomen, .*\bgoal set .*3\.1[0-9] rad"):
         exact_funnels(loops, (np.pi + 1e-6) ** 2 * 100)
 
 
 def test_knots_too_far_apart_for_the_loop_are_named():
     strong = Weights(WEIGHTS.state, WEIGHTS.control / 1000, WEIGHTS.terminal)
     loops = regulate(pendulums_of([minimum_jerk(mass=3.0, length=0.3)], "hanging", knots=51), strong)
-    message = r"expert 23 kg, abdomen, .*0\.03 s .*stability\.regulator\.control_weight.*stability\.knots"
+    message = r"expert 23 kg, abdomen, .*0\.03 s "
     with pytest.raises(NumericalError, match=message):
         list(simulate(loops, np.zeros((2, 1, 1))))
 

@@ -8,13 +8,15 @@ gravity, any Q, R, Qf, b, mass), and raise `NumericalError` with subject, COM an
 
 import math
 import zlib
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 import pandas as pd
 
+from lumbar.base.errors import NumericalError
 from lumbar.lifting.movement.pendulum_states import CHOICES
 from lumbar.lifting.stability.funnel.eqs_4_5_to_4_7_alternation import (
     EVIDENCE,
@@ -155,17 +157,29 @@ def basins_of_lift(
     as_in_thesis : sequence of Trajectory, default ()
         Trajectories in the convention `THESIS`, computed exactly and, with the check ``thesis_method``, by that method too.
     """
-    rows: list[dict] = []
-    frames: list[pd.DataFrame] = []
-    failures: list[Failure] = []
     sign, methods = settings.pendulum.sign, thesis_methods(settings)
     # Pendulums that are the thesis's own are computed exactly a single time.
     pairs = zip(trajectories, as_in_thesis, strict=False)
     if len(trajectories) == len(as_in_thesis) and sign == THESIS.sign:
         methods = methods[1:] if all(_identity(one) == _identity(other) for one, other in pairs) else methods
-    plans = [("study", trajectories, "exact", sign)]
-    plans += [("thesis", list(as_in_thesis), method, THESIS.sign) for method in methods]
-    for wording, items, method, gravity in plans:
+    plans = [("study", "exact", sign, trajectories)]
+    plans += [("thesis", method, THESIS.sign, list(as_in_thesis)) for method in methods]
+    result = _compute(plans, settings, seed)
+    if result.failures and (remedy := _find_remedy(plans, result.failures, settings, seed)):
+        failures = [replace(item, reason=f"{item.reason}; {remedy}") for item in result.failures]
+        return replace(result, failures=failures)
+    return result
+
+
+Plan = tuple[str, str, str, list[Trajectory]]
+"""Wording, method, sign of gravity, and the trajectories to compute."""
+
+
+def _compute(plans: Sequence[Plan], settings: StabilitySettings, seed: int) -> LiftBasins:
+    rows: list[dict] = []
+    frames: list[pd.DataFrame] = []
+    failures: list[Failure] = []
+    for wording, method, gravity, items in plans:
         compute = partial(_rows_and_funnels, wording, method, gravity, settings, seed)
         for _, (new_rows, funnels) in compute_together(compute, items, f"{method}, {gravity}", failures):
             rows += new_rows
@@ -173,6 +187,55 @@ def basins_of_lift(
     summary = pd.DataFrame(rows, columns=boa_columns()).astype(DTYPES)
     empty = pd.DataFrame(columns=list(FUNNEL_COLUMNS))
     return LiftBasins(summary, pd.concat(frames, ignore_index=True) if frames else empty, failures)
+
+
+def _find_remedy(
+    plans: Sequence[Plan], failures: Sequence[Failure], settings: StabilitySettings, seed: int
+) -> str:
+    """Return the first change of one key with which all basins are computed; empty if there is none."""
+    lost = {(item.com, item.plane, item.basin) for item in failures}
+    lost_plans = [
+        (*plan, [item for item in items if (item.com, item.plane, f"{plan[1]}, {plan[2]}") in lost])
+        for *plan, items in plans
+    ]
+    # A proof or more simulated starts cannot fail.
+    checks = tuple(check for check in settings.checks if check != "proof")
+    attack = settings.attack.model_copy(update={"starts": 2})
+    quick = settings.model_copy(update={"checks": checks, "attack": attack})
+    for (key, factors), section in zip(_REMEDIES.items(), (quick.regulator, quick, quick), strict=True):
+        name = key.rpartition(".")[2]
+        now = getattr(section, name)
+        values = [type(now)(float(f"{now * factor:.2g}")) for factor in factors]
+
+        def trial(value: float, name: str = name, section=section) -> StabilitySettings:
+            change = {name: value}
+            return quick.model_copy(
+                update=change if section is quick else {"regulator": section.model_copy(update=change)}
+            )
+
+        first = bisect_left(values, True, key=lambda value: _is_computed(lost_plans, trial(value), seed))
+        if first < len(values) and _is_computed(plans, trial(values[first]), seed):
+            return f"{key} is now {now:g}: all are computed with {values[first]:g}"
+    return ""
+
+
+def _is_computed(plans: Sequence[Plan], settings: StabilitySettings, seed: int) -> bool:
+    """Return whether all basins are computed."""
+    try:
+        for wording, method, gravity, items in plans:
+            if items:
+                _rows_and_funnels(wording, method, gravity, settings, seed, items)
+    except NumericalError:
+        return False
+    return True
+
+
+_REMEDIES = {
+    "stability.regulator.control_weight": (3, 10, 30, 100, 300, 1000, 3000, 10000),
+    "stability.knots": (2, 4),
+    "stability.goal_level": (0.1, 0.01, 0.001),
+}
+"""Factors that are tried on a key, in this order, if a basin is missing."""
 
 
 def _rows_and_funnels(

@@ -16,8 +16,6 @@ from lumbar.tables.table_layout import split_number
 
 FAILS, WARNS = "fails", "warns"
 _WARNING = re.compile(r"^(?:\w*Warning|WARNING): (.*(?:\n  .*)*)", flags=re.M)
-_PENDULUM = re.compile(r"^[^:]*\((?:hanging|inverted)\): ")
-"""Pattern of lift, centre and plane at the beginning of a reason, removed because the line names them already."""
 _STAGES_WITH_FILES = ("lift", "stability_tables")
 """Stages with warnings in their results in addition to the log: lifts without a pendulum, missing basins."""
 
@@ -124,7 +122,7 @@ def _diagnosis_troubles(results: Path) -> Iterator[Trouble]:
 def _basin_troubles(results: Path) -> Iterator[Trouble]:
     for row in _rows(results / "stability" / "failures.csv").itertuples():
         lift = _spell_out(f"{row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane}")
-        yield Trouble(FAILS, lift, f"{_spell_out(row.basin)}: {_PENDULUM.sub('', row.reason)}")
+        yield Trouble(FAILS, lift, f"{_spell_out(row.basin)}: {row.reason}")
     areas = _rows(results / "stability" / "boa.csv")
     if areas.empty:
         return

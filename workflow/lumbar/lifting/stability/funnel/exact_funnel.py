@@ -219,7 +219,7 @@ def funnel_variants(
         index = int(goal_axis.argmax())
         raise NumericalError(
             f"{pendulums.labels[index]}: the goal set reaches {goal_axis[index]:.3g} rad from the trajectory's end, "
-            "outside any funnel (π rad); lower stability.goal_level or raise the regulator's terminal_weight",
+            "outside any funnel (π rad)",
             label=pendulums.labels[index],
         )
     wanted = [(0.0, 0.0), (margin, 0.0), (0.0, negative_control)]
@@ -238,8 +238,7 @@ def funnel_variants(
         index = int(np.argwhere(lost)[-1][1])
         raise NumericalError(
             f"{pendulums.labels[index]}: the basin reaches {semi_axis[:, index].max():.3g} rad from its "
-            f"trajectory; at most {MAX_SEMI_AXIS_RAD:g} rad are allowed: raise stability.regulator.control_weight (about the "
-            "hips 2 suits) or lower its state weight",
+            f"trajectory; at most {MAX_SEMI_AXIS_RAD:g} rad are allowed",
             label=pendulums.labels[index],
         )
     methods = ("exact", f"exact, margin {margin:g} 1/s", "exact, negative control")

@@ -180,8 +180,7 @@ def _stride(loops: ClosedLoops, stiffness: np.ndarray, damping: np.ndarray) -> i
     index = int(advance.argmax())
     raise NumericalError(
         f"{loops.pendulums.labels[index]}: {loops.step[index]:.3g} s between knots is too long for a loop "
-        f"with a rate of {rate[index]:.3g} 1/s; raise stability.regulator.control_weight (about the hips 2 suits), or "
-        "stability.knots",
+        f"with a rate of {rate[index]:.3g} 1/s",
         label=loops.pendulums.labels[index],
     )
 

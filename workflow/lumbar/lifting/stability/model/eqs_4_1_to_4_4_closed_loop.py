@@ -313,7 +313,7 @@ def _require_definite(pendulums: Pendulums, cost: np.ndarray) -> None:
         remaining = (1 - point / (len(cost) - 1)) * pendulums.duration[index]
         raise NumericalError(
             f"{pendulums.labels[index]}: the solution of the Riccati equation is not positive definite "
-            f"{remaining:.3g} s before the end; raise stability.regulator.control_weight or stability.knots",
+            f"{remaining:.3g} s before the end",
             label=pendulums.labels[index],
         )
 

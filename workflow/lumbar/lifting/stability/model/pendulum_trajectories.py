@@ -6,11 +6,9 @@ that cannot be computed is reported as a `Failure`, a row of ``stability/failure
 
 from __future__ import annotations
 
-import csv
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -198,8 +196,10 @@ class Failure:
         basin : str
             Name of the basin: method and sign, or table.
         reason : str
-            Reason of the failure, one sentence.
+            Reason of the failure, one sentence; the label of the pendulum at its beginning is removed.
         """
+        for sign in SIGNS:
+            reason = reason.removeprefix(f"{pendulum_label(item, sign)}: ")
         return cls(item.subject, item.experience, item.box_mass_kg, item.com, item.plane, basin, reason)
 
 
@@ -420,24 +420,28 @@ def join_rows(frames: list[pd.DataFrame]) -> pd.DataFrame:
     return pd.concat(filled, ignore_index=True) if filled else frames[0]
 
 
-def announcement(path: str | os.PathLike) -> str:
-    """Return a message that names every basin in a ``failures.csv``; empty without failures.
+def announcement(failures: pd.DataFrame, computed: int, path: str | os.PathLike) -> str:
+    """Return one sentence on all missing basins: their number, their common segment, their most frequent reason.
 
     Parameters
     ----------
+    failures : pandas.DataFrame
+        Rows of ``failures.csv``, at least one.
+    computed : int
+        Number of basins that were computed.
     path : str or os.PathLike
-        Path of the ``failures.csv``.
+        Path of the ``failures.csv``, named if there are other reasons.
     """
-    with Path(path).open(encoding="utf-8", newline="") as stream:
-        rows = list(csv.DictReader(stream))
-    if not rows:
-        return ""
-    count = f"{len(rows)} basin{'s' if len(rows) > 1 else ''} of attraction could not be computed ({path})"
-    lines = [
-        f"  - {row['subject']} {float(row['box_mass_kg']):g} kg, {row['com']}, {row['plane']}: {row['basin']}: {row['reason']}"
-        for row in rows
-    ]
-    return "\n".join([f"WARNING: {count}; the tables leave out and name:", *lines])
+    coms = list(dict.fromkeys(failures["com"]))
+    # Reasons that differ only in numbers and segments are one kind.
+    kinds = failures["reason"].str.replace(rf"[\d.]+|{'|'.join(COMS)}", "", regex=True)
+    reason = failures["reason"][kinds == kinds.mode()[0]].iloc[0]
+    others = kinds.nunique() - 1
+    return (
+        f"{len(failures)} of {len(failures) + computed} basins not computed"
+        + (f", all of the {coms[0]}: {reason}" if len(coms) == 1 else f": {reason}")
+        + (f" ({others} other reason{'s' * (others > 1)}: {path})" if others else "")
+    )
 
 
 def failures_table(failures: pd.DataFrame, source_label: str) -> Table:
