@@ -23,9 +23,9 @@ _LEVEL_SPREADS = 7.0
 """Largest distance of a sample from its level, in medians of the distance: five standard deviations of noise."""
 _MIN_GAP_RATIO = 4.0
 """Smallest distance of two levels, in largest distances of a sample from its level."""
-_MAX_MOVE_SAMPLES = 2.0
-"""Largest mean number of samples between two levels of a position that jumps: its speed there is not resolved."""
-
+_MAX_JUMP_SAMPLES, _MAX_MOVE_SAMPLES = 2.0, 5.0
+"""Largest mean number of samples between two levels of a position that jumps: its speed is unknown; and of a binary signal: its
+speed is too coarse to show friction or a curve."""
 _MIN_CHANGES = 4
 """Smallest number of changes between two levels of a binary signal; fewer are those of a test with holds."""
 _STILL_SHARE, _REST_SHARE = 5e-4, 0.01
@@ -48,9 +48,14 @@ class Levels:
     """Number of changes of the level."""
 
     @property
+    def move_samples(self) -> float:
+        """Mean number of samples from level to level."""
+        return float(np.sum(~self.resting)) / max(self.changes, 1)
+
+    @property
     def jumps(self) -> bool:
         """True if the channel moves from level to level within so few samples that its speed is unknown."""
-        return bool(np.sum(~self.resting) <= _MAX_MOVE_SAMPLES * self.changes)
+        return self.move_samples <= _MAX_JUMP_SAMPLES
 
 
 def find_levels(values: np.ndarray) -> Levels | None:
@@ -83,12 +88,13 @@ def find_levels(values: np.ndarray) -> Levels | None:
 def find_two_levels(records: Sequence[Record]) -> Levels | None:
     """Return the levels if the positions of all records jump again and again between the same two levels, else None.
 
-    Samples between the levels show a force of unknown speed. All jumps are alike, so that a spring, a damper, friction and any
-    curve explain them equally well.
+    Samples between the levels show a force of hardly known speed. All moves are alike, so that a spring, a damper, friction and
+    any curve explain them equally well.
     """
     levels = find_levels(np.concatenate([record["input"] for record in records]))
-    is_binary = levels is not None and levels.jumps and len(levels.values) == 2
-    return levels if is_binary and levels.changes >= _MIN_CHANGES else None
+    if levels is None or len(levels.values) > 2 or levels.changes < _MIN_CHANGES:
+        return None
+    return levels if levels.move_samples <= _MAX_MOVE_SAMPLES else None
 
 
 def begins_at_rest(record: Record) -> bool:
