@@ -7,12 +7,33 @@ from simulated_protocols import draw_case, list_cases, write_case
 from answers import RIGHT, SHARED, absent, surprise
 
 FOLDER = SHARED / "protocols"
+QUICK = (
+    "p00",
+    "p09",
+    "p16",
+    "p23",
+    "p24",
+    "p28",
+    "p35",
+    "p38",
+    "p45",
+    "p51",
+    "p56",
+    "p60",
+    "q01",
+    "q02",
+    "q04",
+    "r03",
+    "r05",
+)
+"""One or two recorded cases of every protocol, and each effect in several of them."""
 OWN = {name: wanted for number, (name, wanted) in enumerate(list_cases().items()) if number % 6 == 0}
 """One case of nearly every simulated protocol; all are tried by ask_cases.py."""
+QUICK += tuple(OWN)[::2]
 
 
 def cases(labels) -> list:
-    marks = {name: [pytest.mark.statistical] for name in labels}
+    marks = {name: [pytest.mark.statistical if name in QUICK else pytest.mark.acceptance] for name in labels}
     for name in marks.keys() & NOT_YET.keys():
         marks[name].append(pytest.mark.xfail(strict=True, raises=AssertionError, reason=NOT_YET[name]))
     return [pytest.param(name, marks=marks[name]) for name in labels]

@@ -7,13 +7,22 @@ import lumbar
 
 QUICK = "hardening"
 """The case of the fast tests."""
+_REPEATED = ("none_isotropic_kb", "none_orthotropic_kb", "coulomb", "coulomb_hardening")
+_REPEATED += ("delay_quadratic_damping", "crosstalk", "unexcited")
+"""Cases that repeat effects, symmetries and sensors of others; only ``pytest -m acceptance`` tries them."""
 _ASKED = [*((name, 1) for name in CASES), ("saturation", 3)]
 """Cases and seeds; with the last seed every channel clips at its own limit."""
 
 
+def marks_of(name):
+    if name == QUICK:
+        return []
+    return [pytest.mark.acceptance if name in _REPEATED else pytest.mark.nightly]
+
+
 @pytest.mark.parametrize(
     ("name", "seed"),
-    [pytest.param(*item, marks=[] if item[0] == QUICK else pytest.mark.nightly) for item in _ASKED],
+    [pytest.param(*item, marks=marks_of(item[0])) for item in _ASKED],
 )
 def test_hidden_effects_are_named_with_covering_intervals(name, seed):
     answer, truth = ask(name, seed)
@@ -23,9 +32,10 @@ def test_hidden_effects_are_named_with_covering_intervals(name, seed):
     assert len(outside) <= 4, outside
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize(
-    ("base", "seed"), [("LE", 2), ("LE", 4), ("KV", 2), ("KB", 2), ("KB", 13), ("KB", 14)]
+    ("base", "seed"),
+    [pytest.param(*item, marks=pytest.mark.nightly) for item in [("LE", 2), ("KV", 2), ("KB", 13)]]
+    + [pytest.param(*item, marks=pytest.mark.acceptance) for item in [("LE", 4), ("KB", 2), ("KB", 14)]],
 )
 def test_friction_does_not_make_the_tissue_richer(base, seed, monkeypatch):
     # On these unseen records a slightly wrong form of friction is compensated by a dashpot, by axes and by another form.

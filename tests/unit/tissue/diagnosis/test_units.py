@@ -19,6 +19,22 @@ ONE_SIDED = ("contact_loss/sharp", "contact_loss/soft", "depth_dependent_damping
 ONE_SIDED += ("depth_dependent_damping/hunt_crossley",)
 
 
+UNITS = {"slow": SLOW, "fast": FAST}
+
+
+def alternate(keys, is_first=lambda key: True):
+    """Return every key with both systems of units; by night a first form has one of them, in turn."""
+    for number, key in enumerate(keys):
+        for name, units in UNITS.items():
+            is_tried = is_first(key) and (number % 2 == 0) == (name == "slow")
+            marks = pytest.mark.nightly if is_tried else pytest.mark.acceptance
+            yield pytest.param(key, units, marks=marks, id=f"{key}-{name}")
+
+
+def is_first_form(key):
+    return key == next(item for item in FORM_NUMBERS if item.split("/")[0] == key.split("/")[0])
+
+
 def diagnose_tissue(records, train):
     return diagnose(records, train=train)
 
@@ -37,27 +53,33 @@ def test_verdict_is_invariant_to_units(key):
     assert (result.status, result.selected) == ("named", (key.split("/")[0],))
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("units", [SLOW, FAST], ids=["slow", "fast"])
-@pytest.mark.parametrize("key", FORM_NUMBERS)
+@pytest.mark.parametrize(("key", "units"), alternate(FORM_NUMBERS, is_first_form))
 def test_every_form_is_invariant_to_units(key, units):
     check_alike(
         diagnose_tissue, records_of_effect(key), replace(units, turned=units.turned and key not in ONE_SIDED)
     )
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("units", [SLOW, FAST], ids=["slow", "fast"])
 @pytest.mark.parametrize(
-    "effect", ["nothing", "coulomb_friction", "hardening_stiffness", "quadratic_damping"]
+    ("effect", "units"),
+    alternate(["nothing", "coulomb_friction", "hardening_stiffness", "quadratic_damping"]),
 )
 def test_forward_diagnosis_is_invariant_to_units(effect, units):
     check_alike(diagnose_forward, forward_records(effect), units)
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("columns", [True, False], ids=["measured", "angle_alone"])
-@pytest.mark.parametrize("effect", ["", *EFFECTS])
+@pytest.mark.parametrize(
+    ("effect", "columns"),
+    [
+        pytest.param(
+            effect,
+            columns,
+            marks=pytest.mark.nightly if columns == bool(number % 2) else pytest.mark.acceptance,
+        )
+        for number, effect in enumerate(["", *EFFECTS])
+        for columns in (True, False)
+    ],
+)
 def test_pendulum_is_invariant_to_units_of_moment(effect, columns):
     """The angle has no unit, and g, which is known, holds the clock: only moments, signs and order can change.
 
