@@ -41,6 +41,11 @@ def trajectories(saved_lift):
     return states.trajectories(headline(SETTINGS, lift.facts))[0]
 
 
+def test_body_is_on_the_first_screen_of_a_phone(new_page, page_file):
+    phone = new_page(page_file, viewport={"width": 390, "height": 800})
+    assert phone.locator("#picture-side").bounding_box()["y"] < 500
+
+
 def simulate_limited(loops, lowest, highest):
     """Yield the errors of all pushes at every knot with the torque limited: Eq. 4.1 less its reference, Runge–Kutta."""
     pendulums, reference = loops.pendulums, reference_of(loops.pendulums).torque[:, 0]

@@ -140,9 +140,8 @@ def run_lift(options) -> None:
     if not result.analysed.states:
         lines[-1] = f"no pendulum: pendulum.csv in {options.output} has no rows"
         lines += result.missing_pendulums
-        lines.append(
-            "set events that the markers do not show in the trial: events: {deposit_start_s: …, release_s: …}"
-        )
+        if result.facts["no_deposit"]:
+            lines.append("set these events in the trial: events: {deposit_start_s: …, release_s: …}")
     print("\n".join(lines))
     if options.page:
         lumbar.lift_page(result, settings=study.stability).save(options.page)

@@ -1,5 +1,6 @@
 """The course of all measures over a lift, instant by instant, from the body's trajectories."""
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -111,7 +112,8 @@ def course_of_lift(lifter: Lifter) -> Course:
         ),
         (
             partial(_joint_angle, column="lumbar_flexion_deg", lines=LUMBAR_LINES, is_bend=True),
-            ("L5S1", "C7T1", "T12L1", MID_HIP),
+            # An angle about a T12 that a rule puts between thorax and pelvis shows the rule.
+            ("L5S1", "C7T1", "T12L1", MID_HIP, *({"T12"} & lifter.facts["missing_points"].keys())),
             ("lumbar_flexion_deg",),
         ),
         (_moment, (*trunk, HEAD, *arms, *lifter.load_points), MOMENT_COLUMNS),
@@ -128,7 +130,7 @@ def course_of_lift(lifter: Lifter) -> Course:
         reasons = dict.fromkeys(lifter.facts["missing_points"].get(name, f"no {name}") for name in lacking)
         try:
             if lacking:
-                raise InputError("; ".join(reasons))
+                raise InputError(_join_reasons(reasons))
             columns.update(part(lifter))
         except InputError as error:
             missing.update(dict.fromkeys(names, str(error)))
@@ -142,7 +144,7 @@ def course_of_lift(lifter: Lifter) -> Course:
                 dict.fromkeys(point for column in known for point in unseen[column])
             )
         else:
-            missing[f"{joint}_deg"] = "; ".join(dict.fromkeys(missing[column] for column in sides))
+            missing[f"{joint}_deg"] = _join_reasons(dict.fromkeys(missing[column] for column in sides))
     notes = [
         f"{name} has no marker: it is put {balance.FOOT_LENGTH:g} of the stature from the other end of the foot, in the "
         "direction that the subject faces"
@@ -151,6 +153,14 @@ def course_of_lift(lifter: Lifter) -> Course:
         if BALANCE_COLUMNS[0] not in missing and name not in lifter.points
     ]
     return Course(pd.DataFrame(columns), missing, unseen, tuple(notes))
+
+
+def _join_reasons(reasons: Iterable[str]) -> str:
+    """Return reasons as one text with one list of all missing points."""
+    lists = {reason: re.fullmatch(r"no (?:marker )?([A-Z]\w+(?:, [A-Z]\w+)*)", reason) for reason in reasons}
+    names = sorted({name for match in lists.values() if match for name in match[1].split(", ")})
+    others = [reason for reason, match in lists.items() if not match]
+    return "; ".join([*([f"no {', '.join(names)}"] if names else []), *others])
 
 
 BALANCE_COLUMNS = (

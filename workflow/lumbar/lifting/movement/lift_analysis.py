@@ -155,10 +155,8 @@ def _pendulums(
             if without:
                 raise InputError(without)
             start, stop = events["deposit_start"].time_s, events["release"].time_s
-            what = f"{recording.source}, {com}"
-            planar = pendulum.pendulum_states(
-                recording.time, position - pivot, start, stop, settings.points, what
-            )
+            relative = position - pivot
+            planar = pendulum.pendulum_states(recording.time, relative, start, stop, settings.points)
         except LumbarError as error:
             errors[com] = error
         else:

@@ -78,6 +78,9 @@ def body_frame(lift: AnalysedLift) -> tuple[pd.DataFrame, dict[str, str]]:
     missing |= {f"{side}_HIP": points.missing[MID_HIP] for side in SIDES if MID_HIP in points.missing}
     missing |= {name: points.missing[name] for name in TRUNK if name not in points}
     missing |= {com_of(name): lift.missing[name] for name in COMS if name not in segments}
+    rule = recording.derived.get("T12", "")
+    if rule and not rule.startswith("mean of "):  # a mean has markers on both sides
+        missing["T12"] = "a rule places T12, which has no marker"
     ends = [name for name in ("C7T1", MID_HIP) if name not in points]
     if ends:
         missing[HEAD] = f"no {', '.join(ends)}"
@@ -232,6 +235,7 @@ def summary(
         },
         "length_m": lengths,
         "box": settings.box.model_dump(mode="json"),
+        "load_seen_by": lift_events.locate_load(lift.recording)[1],
         "segments": {
             "table": lift.table.name,
             "source": lift.table.source,

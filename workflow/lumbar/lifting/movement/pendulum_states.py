@@ -142,7 +142,7 @@ def heading(recording: MarkerRecording, time: float) -> float:
 
 
 def pendulum_states(
-    time: np.ndarray, relative: np.ndarray, start: float, stop: float, points: int, what: str
+    time: np.ndarray, relative: np.ndarray, start: float, stop: float, points: int
 ) -> dict[str, PendulumStates]:
     """Return the states in both planes on an even grid of `points` instants from `start` to `stop`.
 
@@ -159,8 +159,6 @@ def pendulum_states(
         Start of the deposit in s; end of the deposit in s.
     points : int
         Number of instants of the grid.
-    what : str
-        File and name of the centre of mass, for messages.
 
     Raises
     ------
@@ -179,13 +177,11 @@ def pendulum_states(
     if not visible[within].all():
         gone = np.flatnonzero(within & ~visible)
         raise MissingSamplesError(
-            f"{what}: {len(gone)} samples missing within the deposit, the first at {time[gone[0]]:.2f} s",
+            f"{len(gone)} samples missing within the deposit, the first at {time[gone[0]]:.2f} s",
             gone,
         )
     if within.sum() < 4:
-        raise InputError(
-            f"{what}: the deposit from {start:g} to {stop:g} s has {within.sum()} samples; 4 are needed"
-        )
+        raise InputError(f"the deposit from {start:g} to {stop:g} s has {within.sum()} samples; 4 are needed")
     # The longest interval without a missing sample that contains the deposit.
     samples = next(run for run in runs(visible) if run.start <= within.argmax() < run.stop)
     spline = CubicSpline(time[samples], relative[samples])
@@ -197,7 +193,7 @@ def pendulum_states(
         length = np.hypot(r, z)
         if length.min() < MIN_LENGTH_M:
             raise NumericalError(
-                f"{what}: comes within {length.min() * 1e3:.1f} mm of the pivot, where the angle is not defined; use another "
+                f"it comes within {length.min() * 1e3:.1f} mm of the pivot, where the angle is not defined; use another "
                 "lifting.pivot"
             )
         length_rate = (r * r1 + z * z1) / length

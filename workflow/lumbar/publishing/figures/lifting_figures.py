@@ -334,7 +334,7 @@ def total_body_pendulum(body: pd.DataFrame, centres: pd.DataFrame, facts: Mappin
     pivot = centres[centres["com"] == centres["com"].iloc[0]][[f"pivot_{axis}_m" for axis in "xyz"]]
     relative = points[WHOLE_BODY] - pivot.to_numpy(float)
     interval = facts["start_s"], facts["stop_s"], facts["points"]
-    states = pendulum_states(body["time_s"].to_numpy(), relative, *interval, "total body")[PLANE]
+    states = pendulum_states(body["time_s"].to_numpy(), relative, *interval)[PLANE]
     return Trajectory(
         subject=facts["subject"],
         experience=facts.get("experience", ""),

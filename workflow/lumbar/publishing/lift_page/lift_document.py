@@ -246,6 +246,7 @@ class LiftPage:
             "data": self.lift.source_label,
             "facts": self.lift.facts,
             "events": self.lift.events,
+            "absent": self._list_absent(failures),
             "event_labels": EVENT_LABELS,
             "measures": self._measures(),
             "notes": self.course.notes,
@@ -255,9 +256,6 @@ class LiftPage:
             "has_states": not self.lift.states.empty,
             "planes": PLANE_TITLES,
             "pendulums": pendulums,
-            "failures": sorted(
-                {f"{item.com}, {PLANE_TITLES[item.plane]}: {item.reason}" for item in failures}
-            ),
             "sign": pendulum.sign,
             "clock": pendulum.time,
             "colours": {
@@ -272,34 +270,59 @@ class LiftPage:
 
     @property
     def _centres(self) -> list[dict[str, str]]:
-        """Point, name, colour and marker of the known centres of mass."""
+        """Point, name, colour and marker of the known centres of mass; no box if the hands replace it."""
         colours, marks = {**SEGMENTS, "whole body": SERIES[4], "box": SERIES[3]}, MARKS
         return [
             {**item, "colour": colours[item["name"]], "mark": marks[item["name"]]}
             for item in lift_data.centres(self.lift.body)
+            if item["name"] != "box" or self.lift.facts.get("load_seen_by") != "hands"
         ]
 
+    @cached_property
+    def _values(self) -> list[Any]:
+        """Rows of the headline measures."""
+        values = values_of_lift(self.course, self.lift.facts).drop_duplicates("measure")
+        return [row for row in values.itertuples() if MEASURES[row.measure].headline]
+
+    def _list_absent(self, failures: list[Failure]) -> str:
+        """Return all parts that the lift lacks, each group with its reason; empty if it has all parts."""
+        no_deposit, groups = self.lift.facts["no_deposit"], {}
+        reasons = {
+            EVENT_LABELS[name]: event["how"]
+            for name, event in self.lift.events.items()
+            if event["time_s"] is None
+        }
+        names = {row.measure: print_measure(row.measure) for row in self._values}
+        reasons |= {
+            (name if name.startswith("L5") else name.lower()): row.reason
+            for row in self._values
+            if row.reason and (name := names[row.measure])
+        }
+        reasons |= {f"pendulum of the {item.com}": item.reason for item in failures}
+        for part, reason in reasons.items():
+            reason = "the deposit is not known" if reason == no_deposit else reason
+            groups.setdefault(reason, []).append(part)
+        return "; ".join(f"{', '.join(parts)} ({reason})" for reason, parts in groups.items())
+
     def _measures(self) -> list[dict[str, str]]:
-        """Return name, value (or the reason why it is missing) and safer direction of the headline measures."""
+        """Return name, value and safer direction of the headline measures that the lift has."""
 
         def typeset(value: float, unit: str) -> str:
             value, unit = (1000 * value, "mm") if unit == "m" else (value, unit)
             return typeset_minus_signs(f"{value:.3g} {unit}")
 
-        values = values_of_lift(self.course, self.lift.facts).drop_duplicates("measure")
         return [
             {
                 "name": print_measure(row.measure),
-                "value": "" if row.reason else typeset(row.value, row.unit),
-                "reason": row.reason,
+                "value": typeset(row.value, row.unit),
                 "below": row.safer == "higher" and row.value < 0,
                 "told": headline_sentence(row.measure, row.value, typeset(abs(row.value), row.unit)),
                 "safer": row.safer,
                 "meaning": MEASURES[row.measure].meaning,
                 "phase": WINDOWS[MEASURES[row.measure].phase],
             }
-            for row in values.itertuples()
-            if MEASURES[row.measure].headline
+            for row in self._values
+            if not row.reason
         ]
 
     def _content(self) -> dict[str, Any]:
