@@ -15,7 +15,7 @@ from lumbar.interface.reading import read
 from lumbar.lifting.movement.lift_analysis import NEW_STUDY, analyse_lift
 from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.lifting.quality.body import THIGH, landmarks
-from lumbar.lifting.quality.gate import usable_markers
+from lumbar.lifting.quality.gate import mask_findings
 from lumbar.lifting.quality.screening import (
     QualitySheet,
     Screening,
@@ -24,7 +24,7 @@ from lumbar.lifting.quality.screening import (
     quality_sheet,
     sheet_of,
 )
-from lumbar.records.marker_axes import check_axes, find_axes, rotation_to_standard
+from lumbar.records.marker_axes import find_axes, rotation_to_standard
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.lifting import REFINING, LiftingSettings, SubjectSettings, TrialSettings
@@ -33,8 +33,6 @@ _PLACEHOLDER_SUBJECT = SubjectSettings(
     name="unknown", sex="unknown", mass_kg=70.0, height_m=1.7, experience="unknown", trials=()
 )
 """Any subject for the pipeline, because events and gaps of a recording do not depend on the subject."""
-_MAX_FRAMES = 1000
-"""Largest number of frames from which the axes of the body are found."""
 
 
 def inspect(
@@ -77,11 +75,11 @@ def inspect(
     layout = chosen.markers
     file = _read(path, chosen, height_m)
     # The axes of the body, from the markers that are not left out, after the inverse of the settings' rotation.
-    usable = usable_markers(file.screening.points, file.screening.findings)
+    masked = mask_findings(file.screening.points, file.screening.findings)
+    usable = {label: places for label, places in masked.items() if np.isfinite(places).any()}
     named = {label: name for name, label in landmarks(usable, meant_labels(layout.aliases, usable)).items()}
-    step = max(1, max(map(len, usable.values()), default=0) // _MAX_FRAMES)
     rotation = rotation_to_standard(layout.up, layout.forward)
-    body_axes = find_axes({name: usable[label][::step] @ rotation for label, name in named.items()})
+    body_axes = find_axes({name: usable[label] @ rotation for label, name in named.items()})
     up, forward, axes = layout.up, layout.forward, str(body_axes or "not known from the labels")
     if body_axes and (body_axes.forward or body_axes.up[1] != forward[1]):
         up, forward = body_axes.up, body_axes.forward or forward
@@ -156,8 +154,6 @@ def _run_pipeline(path: Path, file: _MarkerFile, settings: LiftingSettings) -> t
             return True, str(lift(path, subject, 0.0, settings=settings))
         with naming(path):
             screening.raise_errors()
-            if layout.check_axes:
-                check_axes(recording.positions, layout, str(path))
             sheet = sheet_of(recording, screening, layout)
         sheet = replace(sheet, findings=(*sheet.findings, *bodies.findings))
         analysed = analyse_lift(recording, subject, trial, settings, bodies.gaps, sheet.findings)

@@ -420,6 +420,12 @@ def _check_analog(path: Path, structure: C3dStructure) -> None:
 def _check_size(path: Path, content: mmap.mmap, structure: C3dStructure) -> None:
     """Check that the file contains all frames, followed by at most the padding of the last block."""
     frame_bytes, available = structure.frame_bytes, structure.size - structure.data_start
+    other = replace(structure, scale=-structure.scale)
+    if other.fits(structure.n_frames) and not structure.fits(structure.n_frames):
+        raise InputError(
+            f"{path}: scale factor {structure.scale:g} means {8 * structure.word_bytes}-bit numbers, but the file's size fits "
+            f"{8 * other.word_bytes}-bit numbers; export the recording again"
+        )
     if available < structure.n_frames * frame_bytes:
         raise InputError(
             f"{path}: {structure.n_frames} frames of {frame_bytes} bytes are announced, but the file holds "

@@ -27,8 +27,7 @@ _FRONT_PAIRS = (
     *((f"{side}_{rear}", f"{side}_TOE") for rear in ("HEEL", "ANKLE") for side in "LR"),
 )
 """Pairs of a rear and a front marker of trunk and feet."""
-_ALL_PAIRS = (*_SIDE_PAIRS, *_FRONT_PAIRS)
-_PAIRS = (_SIDE_PAIRS, _FRONT_PAIRS, _ALL_PAIRS)
+_PAIRS = (_SIDE_PAIRS, _FRONT_PAIRS, (*_SIDE_PAIRS, *_FRONT_PAIRS))
 _FORWARD, _UP = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
 _MIN_PAIR_DISTANCE_M = 0.02
 """Smallest horizontal distance of a pair that shows a direction."""
@@ -74,8 +73,10 @@ def rotation_to_standard(up: str, forward: str) -> np.ndarray:
     return np.array([np.cross(forward_vector, up_vector), forward_vector, up_vector])
 
 
-def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: str, remark: str = "") -> None:
-    """Raise if the markers contradict the declared axes, by the directions of `find_axes`.
+def check_axes(
+    positions: dict[str, np.ndarray], layout: MarkerLayout, source: str, remark: str = ""
+) -> list[str]:
+    """Compare the declared axes with the directions of `find_axes`, and return the axes, up and forward, that no marker shows.
 
     Parameters
     ----------
@@ -111,21 +112,7 @@ def check_axes(positions: dict[str, np.ndarray], layout: MarkerLayout, source: s
             f"{source}: markers.forward: {layout.forward}, but the body faces along {axis}{remark}; set forward: "
             f'"{axis}"{other}'
         )
-
-
-def uncheckable_axes(positions: dict[str, np.ndarray]) -> list[str]:
-    """Return the declared axes (``up``, ``forward``) that no marker shows; a body that turns around shows no forward axis.
-
-    Parameters
-    ----------
-    positions : dict of str to ndarray, shape (n_frames, 3)
-        Markers by standard name, rotated by the declared axes.
-    """
-    is_seen = {
-        "up": _upward_vector(positions) is not None,
-        "forward": _facing_vector(_votes(positions, _UP, _ALL_PAIRS)) is not None,
-    }
-    return [axis for axis, is_known in is_seen.items() if not is_known]
+    return [axis for axis, vector in (("up", upward), ("forward", facing)) if vector is None]
 
 
 @dataclass(frozen=True)

@@ -166,7 +166,7 @@ def read_markers(
         )
     if not points:
         raise InputError(f"{file.source}: no marker was seen; left out: {', '.join(dropped) or 'none'}")
-    _check_spread(points, file)
+    _check_spread(points, file, layout.scale)
     if repair is not None:
         points = repair(points, time)
     resolved = resolve_aliases(layout.aliases, points, model_points, dropped, file.source, layout.required)
@@ -225,7 +225,7 @@ def _metres_per_unit(source: str, unit: str, declared: str) -> float:
     return METRES[declared if declared != "file" else str(stated)]
 
 
-def _check_spread(points: dict[str, np.ndarray], file: MarkerFile) -> None:
+def _check_spread(points: dict[str, np.ndarray], file: MarkerFile, scale: float) -> None:
     """Raise if the extent of the markers is implausible, because of a wrong unit or corrupt data."""
     for label, values in points.items():
         is_far = (np.abs(values) > MAX_DISTANCE_M).any(axis=1)
@@ -239,7 +239,10 @@ def _check_spread(points: dict[str, np.ndarray], file: MarkerFile) -> None:
     centres = np.array([np.nanmedian(values, axis=0) for values in points.values()])
     spread = float(np.ptp(centres, axis=0).max())
     if not SPREAD_M[0] <= spread <= SPREAD_M[1]:
+        remedy = "the file states no unit: set markers.unit"
+        if file.unit.strip():
+            power = round(np.log10(spread)) if spread > 0 else 0
+            remedy = f"its unit {file.unit!r} is not that of its numbers: set markers.scale to {scale * 10.0**-power:g}"
         raise InputError(
-            f"{file.source}: the markers extend over {spread:.3g} m, outside {SPREAD_M[0]:g} to {SPREAD_M[1]:g} m; the file "
-            f"states the unit {file.unit or 'nothing'!r}: set markers.unit"
+            f"{file.source}: the markers extend over {spread:.3g} m, outside {SPREAD_M[0]:g} to {SPREAD_M[1]:g} m; {remedy}"
         )

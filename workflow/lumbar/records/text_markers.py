@@ -59,6 +59,8 @@ def read_trc(path: str | os.PathLike) -> MarkerFile:
     frames = read_frames(rows, 2 + 3 * len(labels), str(path), dialect)
     _check_frames(path, frames, rows, header)
     even, rate, notes = _read_clock(path, frames[:, 1], rows, header)
+    if header.n_frames != len(frames):
+        notes += (f"NumFrames is {header.n_frames:g}; {len(frames)} frames were read",)
     points = mark_missing(frames[:, 2:].reshape(len(frames), len(labels), 3))
     return split_points(MarkerFile(str(path), even, rate, header.unit, notes=notes), labels, points)
 
@@ -128,7 +130,7 @@ def _read_labels(path: Path, cells: list[str], n_markers: int) -> list[str]:
 
 
 def _check_frames(path: Path, frames: np.ndarray, rows: list[Row], header: _Header) -> None:
-    """Raise if a frame has no time, a column is missing, or the number of frames differs from the stated one."""
+    """Raise if a frame has no time, a column is missing, or the file has fewer frames than stated."""
     has_time = np.isfinite(frames[:, :2]).all(axis=1)
     if not has_time.all():
         raise InputError(f"{path}: line {rows[int(has_time.argmin())].line}: no time")
@@ -139,7 +141,7 @@ def _check_frames(path: Path, frames: np.ndarray, rows: list[Row], header: _Head
         raise InputError(
             f"{path}: marker {int(is_torn.argmax()) + 1} has one or two coordinates and never three; a column is missing"
         )
-    if header.n_frames != len(frames):
+    if header.n_frames > len(frames):
         raise InputError(
             f"{path}: NumFrames: {header.n_frames:g}; the file holds {len(frames)} frames and may be cut short"
         )
@@ -180,6 +182,10 @@ def _read_clock(
         return even, rate, (f"DataRate is 0; the times run at {rate:g} Hz, which was taken",)
     # Times of the frames at the stated rate, compared with the printed ones. A printed time is off by half its last digit; a
     # rate printed with few digits drifts over a recording.
+    usual = 1 / header.rate if len(printed) < 2 else np.median(np.diff(printed))
+    if usual > 0 and not np.isclose(usual * header.rate, 1, rtol=0.2):
+        message = f"DataRate: {header.rate:g}; the times run at {1 / usual:.4g} Hz: correct the wrong one"
+        raise InputError(f"{path}: {message}")
     steps = np.arange(len(printed)) / header.rate
     even = np.median(printed - steps) + steps
     decimals = min(max(len(row.cells[1].partition(".")[2]) for row in rows), 300)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.yaml_file import shipped_names, shipped_yaml
-from lumbar.records.marker_axes import axis_vector, check_axes, find_up, uncheckable_axes
+from lumbar.records.marker_axes import axis_vector, check_axes, find_up
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
 
@@ -23,7 +23,6 @@ TRUNK_SHARE = 0.265
 _SHOULDER_LEVEL = ("SHOULDER", "MANUBRIUM", "C7", "T1")
 _PELVIS = ("ASIS", "PSIS", "SACRUM")
 _FRONT = ("MANUBRIUM", "XIPHOID", "ASIS")
-_BY_LABELS = " by its usual labels, which no alias names"
 _LABELS = shipped_yaml(Path(__file__).with_name("landmarks.yaml"))
 THIGH = ("LHIP", "RHIP")
 """Labels that some laboratories use for markers on the thigh; without an alias they are not treated as hips."""
@@ -221,8 +220,11 @@ def side_exchanges(points: dict[str, np.ndarray], named: dict[str, str]) -> tupl
         if len(sides) > 1 and len(depths) > 1:
             # Left and right contradict front and back, which agree with each other.
             given = np.nansum(list(depths.values()), axis=0) / len(depths)
-            against = [np.nanmedian((across * given).sum(axis=1)) < 0 for across in sides.values()]
-            if np.mean(against) > 0.7 and np.nanmedian(np.linalg.norm(given, axis=1)) > _AT.agreeing:
+            # Frames without front and back, or in which they do not agree, show nothing.
+            agreeing = np.linalg.norm(given, axis=1) > _AT.agreeing
+            backwards = [(across * given).sum(axis=1)[agreeing] for across in sides.values()]
+            known = [each for each in backwards if np.isfinite(each).any()]
+            if known and np.mean([np.nanmedian(each) < 0 for each in known]) > 0.7:
                 return [], (
                     f"{len(sides)} pairs of left and right markers are inverted for a body that faces as "
                     f"{len(depths)} pairs of front and back markers show"
@@ -415,8 +417,8 @@ def check_unaliased_axes(
     InputError
         If the body contradicts the declared axes.
     """
-    if not layout.check_axes or not uncheckable_axes(recording.positions):
+    if not layout.check_axes or not check_axes(recording.positions, layout, recording.source):
         return []
     body = {name: points[label] for name, label in landmarks(points).items()}
-    check_axes({**body, **recording.positions}, layout, recording.source, _BY_LABELS)
-    return uncheckable_axes({**body, **recording.positions})
+    remark = " by its usual labels, which no alias names"
+    return check_axes({**body, **recording.positions}, layout, recording.source, remark)

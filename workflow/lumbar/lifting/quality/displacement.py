@@ -23,7 +23,7 @@ from lumbar.records.sampling import runs
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "displacement")
 MAJORITY = "decided only by most frames"
 """Evidence if only the number of frames decides: no symmetry shows the correct side, the shorter part is not short, and the
-marker does not come back."""
+marker does not come back soon."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,8 @@ def displacements(
         parts = (one for one in displaced if run.start <= one.frames.start < run.stop)
         parts = sorted(parts, key=lambda one: one.leap.first)
         ends = {frame for one in parts for frame in (one.leap.first, one.leap.last + 1)}
-        is_certain = {run.start, run.stop} <= ends or all(one.is_certain for one in parts)
+        is_back = {run.start, run.stop} <= ends and run.stop - run.start < len(visible) / 3
+        is_certain = is_back or all(one.is_certain for one in parts)
         remark = (
             "" if is_certain else f" ({MAJORITY}: the other part may be the wrong one, nothing is left out)"
         )

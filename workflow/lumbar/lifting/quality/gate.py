@@ -128,20 +128,6 @@ def mask_findings(points: dict[str, np.ndarray], findings: list[MarkerFinding]) 
     return result
 
 
-def usable_markers(points: dict[str, np.ndarray], findings: list[MarkerFinding]) -> dict[str, np.ndarray]:
-    """Return the markers with NaN in frames left out, without markers left out of all frames; labels are not exchanged.
-
-    Parameters
-    ----------
-    points : dict of str to numpy.ndarray, shape (n_frames, 3)
-        Markers by label in m.
-    findings : list of MarkerFinding
-        Findings in this recording.
-    """
-    masked = mask_findings(points, findings)
-    return {label: positions for label, positions in masked.items() if np.isfinite(positions).any()}
-
-
 def _sampled(points: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     every = max(1, len(next(iter(points.values()))) // _AT.samples)
     return {label: positions[::every] for label, positions in points.items()}
@@ -228,8 +214,11 @@ def _find_leaps_and_exchanges(
         if exchange in flipped:
             sided = [pair for pair in sided if frozenset(pair.labels) != exchange.pair]
         wrong = longer if exchange in flipped else shorter
-        # Labels that change back were wrong in between. After a single change, only the sides of the body show the wrong part.
-        is_certain = len(exchange.frames) % 2 == 0 or exchange.pair in map(frozenset, compared)
+        # Labels that change back soon were wrong in between. Otherwise only the sides of the body show the wrong part.
+        is_back = (
+            len(exchange.frames) % 2 == 0 and sum(one.stop - one.start for one in shorter) < n_frames / 3
+        )
+        is_certain = is_back or exchange.pair in map(frozenset, compared)
         for item in _exchange_findings(points, straight, exchange, wrong, changing, legend):
             remark = (
                 "" if is_certain else "; nothing is left out, because the other part may be the wrong one"

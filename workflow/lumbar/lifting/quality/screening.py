@@ -17,7 +17,7 @@ import numpy as np
 from lumbar.base.errors import InputError
 from lumbar.lifting.quality.body import check_unaliased_axes, landmarks
 from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, MarkerFinding
-from lumbar.lifting.quality.gate import examine, mask_findings, unchecked_properties, usable_markers
+from lumbar.lifting.quality.gate import examine, mask_findings, unchecked_properties
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording, Repair, read_markers
 from lumbar.records.sampling import runs
@@ -213,11 +213,11 @@ def sheet_of(recording: MarkerRecording, screening: Screening, layout: MarkerLay
     InputError
         If the declared axes contradict the body.
     """
-    check_unaliased_axes(usable_markers(screening.points, screening.findings), recording, layout)
     from lumbar.records.marker_aliases import resolve_aliases
 
     masked = mask_findings(screening.points, screening.findings)
     labels = [label for label, points in masked.items() if np.isfinite(points).any()]
+    check_unaliased_axes({label: masked[label] for label in labels}, recording, layout)
     findings = []
     for finding in screening.findings:
         names: tuple[str, ...] = ()
