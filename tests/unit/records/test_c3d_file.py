@@ -158,6 +158,24 @@ def test_frame_numbers_beyond_header_field_are_read(tmp_path, points):
     np.testing.assert_allclose(stacked(file), points, rtol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("scale", "tokens"), [(-1.0, "scale factor 1 … 32-bit"), (0.1, "scale factor -0.1 … 16-bit")]
+)
+def test_scale_factor_with_the_wrong_sign_is_rejected(tmp_path, points, scale, tokens):
+    content = build_c3d(points, LABELS, scale=scale)
+    wrong = content.replace(struct.pack("<f", scale), struct.pack("<f", -scale), 2)
+    assert has_tokens(refusal(read_c3d, write(tmp_path, wrong)), tokens)
+
+
+@pytest.mark.parametrize(("unit", "factor", "scale"), [("m", 1, "0.001"), ("mm", 1e-3, "1000")])
+def test_unit_that_is_not_that_of_the_numbers_names_the_scale(tmp_path, points, unit, factor, scale):
+    content = build_c3d(factor * points, LABELS, unit=unit)
+    assert has_tokens(refusal(read_c3d, write(tmp_path, content)), f"'{unit}' … markers.scale … {scale}")
+    layout = lumbar.MarkerLayout(check_axes=False, scale=float(scale))
+    read = lumbar.read(tmp_path / "trial.c3d", "markers", layout=layout)
+    np.testing.assert_allclose(stacked(read), points, rtol=1e-5)
+
+
 def test_frame_count_beyond_all_fields_is_rejected(tmp_path):
     content = build_c3d(np.ones((65600, 1, 3), np.float32), ["C7"])
     assert has_tokens(refusal(read_c3d, write(tmp_path, content)), "65535 frames")

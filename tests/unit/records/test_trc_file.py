@@ -134,6 +134,12 @@ def test_missing_samples(tmp_path):
     assert np.flatnonzero(np.isnan(file.positions["SACR"]).all(axis=1)).tolist() == [4, 5]
 
 
+def test_more_frames_than_stated_are_read_with_a_note(tmp_path):
+    file = read_trc(trc(tmp_path, header={"NumFrames": "9"}))
+    assert len(file) == 12
+    assert has_tokens(" ".join(file.notes), "NumFrames … 9 … 12")
+
+
 def changed(row, text):
     rows = regular_rows(12)
     rows[row] = text
@@ -156,6 +162,9 @@ def changed(row, text):
         ({"rows": changed(4, "6120\t\t4\t2\t1450\t4\t-4\t1000")}, "line 11: … time"),
         ({"rows": changed(4, "6120\t17.54\t4\t1e308\t1450\t4\t-4\t1000")}, "line 11: 1e+308 … column 4"),
         ({"rows": [*regular_rows(6), *regular_rows(6, start=17.6)]}, "rate … frames"),
+        ({"header": {"DataRate": "50"}}, "DataRate: 50 … 100 Hz"),
+        ({"header": {"NumFrames": "13"}}, "NumFrames: 13 … 12"),
+        ({"header": {"Units": "m"}}, "'m' … markers.scale … 0.001"),
         ({"rows": [], "header": {"NumFrames": "1"}}, "no … rows"),
         ({"first": "Time\tFrame\t"}, "line 4: … ['Time', 'Frame'] … Frame# … Time"),
         ({"names": ""}, "line 4: … marker"),

@@ -18,7 +18,6 @@ from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.interface.reading import MARKER_ENDINGS
 from lumbar.lifting.quality.body import THIGH, landmarks
-from lumbar.records.marker_aliases import resolve_aliases
 from lumbar.records.marker_axes import BodyAxes, find_axes
 from lumbar.records.marker_file import NoMarkersError
 from lumbar.records.markers import METRES, MarkerRecording, read_markers
@@ -84,8 +83,9 @@ def marker_set(recording: MarkerRecording) -> MarkerSet:
     # Labels that are landmarks but no standard names stay labels.
     aliases = {name: term for name, term in aliases.items() if name in ALIASES}
     aliases |= {f"BOX_{number}": label for number, label in enumerate(box, start=1)}
-    resolved = resolve_aliases(aliases, points, {}, {}, recording.source, [])
-    return MarkerSet(aliases, find_axes(resolved.positions), recording.joints)
+    # Only measured markers show the axes, as in `lumbar inspect`.
+    measured = {name: points[label] for name, label in landmarks(points).items()}
+    return MarkerSet(aliases, find_axes(measured), recording.joints)
 
 
 def _alternatives(name: str) -> tuple:

@@ -241,8 +241,8 @@ def _check_spread(points: dict[str, np.ndarray], file: MarkerFile, scale: float)
     if not SPREAD_M[0] <= spread <= SPREAD_M[1]:
         remedy = "the file states no unit: set markers.unit"
         if file.unit.strip():
-            power = round(np.log10(spread)) if spread > 0 else 0
-            remedy = f"its unit {file.unit!r} is not that of its numbers: set markers.scale to {scale * 10.0**-power:g}"
+            times = 1e-3 if spread > SPREAD_M[1] else 1e3
+            remedy = f"its unit {file.unit!r} is not that of its numbers: set markers.scale, e.g. to {times * scale:g}"
         raise InputError(
             f"{file.source}: the markers extend over {spread:.3g} m, outside {SPREAD_M[0]:g} to {SPREAD_M[1]:g} m; {remedy}"
         )

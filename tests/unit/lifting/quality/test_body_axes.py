@@ -5,6 +5,7 @@ import pytest
 from lifting_cases import write_recording
 
 import lumbar
+from lumbar.lifting.quality.gate import examine
 from refusing import has_tokens
 
 AXES = [("+z", "+x"), ("+y", "+x"), ("+y", "-z"), ("+x", "+y"), ("-z", "+y")]
@@ -65,8 +66,18 @@ def test_sides_are_not_checked_if_up_is_unknown(body, inspected):
     assert has_tokens(report.axes, "not known … assumed")
 
 
-def test_turned_body_has_one_answer_with_its_angle(body, inspected, tmp_path):
-    points = rotate(body, "+z", "+y", turn_deg=30)
-    assert has_tokens(inspected(points).axes, "forward +y … 30°")
+@pytest.mark.parametrize("turn_deg", [30, 44.9, 45.1])
+def test_turned_body_has_one_answer_with_its_angle(body, inspected, tmp_path, turn_deg):
+    points = rotate(body, "+z", "+y", turn_deg)
+    axes = inspected(points).axes
+    assert has_tokens(axes, f"forward … {30 if turn_deg == 30 else 45}°")
     (study, _) = lumbar.new_study(tmp_path, "turned").files.values()
-    assert has_tokens(study, 'forward: "+y" … 30°')
+    assert has_tokens(study, axes)
+
+
+def test_mirrored_body_is_found_with_markers_hidden_in_most_frames(body):
+    mirrored = {label: places * [-1, 1, 1] for label, places in body.items()}
+    for label in ("XIPHOID", "MANUBRIUM", "L_TOE", "R_TOE"):
+        mirrored[label][: int(0.7 * len(mirrored[label]))] = np.nan
+    (finding,) = examine(mirrored, np.arange(len(mirrored["C7"])) / 100, 100)
+    assert (finding.kind, finding.outcome) == ("mirrored", "error")

@@ -307,22 +307,6 @@ def steadiest_mate(sample: dict[str, np.ndarray], label: str) -> str | None:
     return labels[int(np.argmin(np.where(usable, spread, np.inf)))]
 
 
-def median_distance(points: dict[str, np.ndarray], one: str, other: str, frames: slice | np.ndarray) -> float:
-    """Return the median distance of two markers in metres; NaN if they are never seen together.
-
-    Parameters
-    ----------
-    points : dict of str to numpy.ndarray, shape (n_frames, 3)
-        Markers by label in m.
-    one, other : str
-        Label of the first marker; label of the second marker.
-    frames : slice or numpy.ndarray
-        Frames that are compared.
-    """
-    distance = np.linalg.norm(points[one][frames] - points[other][frames], axis=1)
-    return float(np.nanmedian(distance)) if np.isfinite(distance).any() else np.nan
-
-
 def find_rigid_violations(points: dict[str, np.ndarray], legend: Legend) -> list[MarkerFinding]:
     """Find the intervals in which a marker is away from its place on a rigid part.
 

@@ -252,14 +252,20 @@ def _exchange_findings(
     for frames in intervals:
         evidence = f"each leaps {exchange.distance * 1e3:.0f} mm to the place of the other"
         if mate:
-            typical = displacement.median_distance(straight, exchange.first, mate, slice(None)) * 1e3
-            here, swapped = (
-                displacement.median_distance(points, label, mate, frames) * 1e3 for label in pair
+            between = (
+                straight[exchange.first] - straight[mate],
+                *(points[label][frames] - points[mate][frames] for label in pair),
             )
+            typical, here, swapped = (_median_length_mm(vectors) for vectors in between)
             evidence += f"; {exchange.first} is {typical:.0f} mm from {mate}, here {here:.0f} mm"
             evidence += f", with labels exchanged {swapped:.0f} mm"
         findings.append(legend.finding("exchanged", LEFT_OUT, evidence, cause, pair, frames))
     return findings
+
+
+def _median_length_mm(vectors: np.ndarray) -> float:
+    length = np.linalg.norm(vectors[np.isfinite(vectors).all(axis=1)], axis=1)
+    return 1e3 * float(np.median(length)) if length.size else np.nan
 
 
 def _find_displacements(
