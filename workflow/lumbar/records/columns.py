@@ -27,7 +27,8 @@ from lumbar.records.number_table import (
 from lumbar.records.record import Channel, Record, check_record
 from lumbar.records.sampling import check_clipping, fill_missing_rows, resample, samples_between
 from lumbar.records.unpacking import read_readable, stem_of
-from lumbar.settings.layout import AXES, SIDES, ColumnLayout, ColumnSettings
+from lumbar.settings.axes import AXES, SIDES
+from lumbar.settings.layout import ColumnLayout, ColumnSettings
 
 TIME = "time"
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0}

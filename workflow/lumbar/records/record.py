@@ -9,7 +9,7 @@ from typing import overload
 import numpy as np
 
 from lumbar.base.errors import InputError, Problems
-from lumbar.settings.layout import AXES, SIDES
+from lumbar.settings.axes import AXES, SIDES
 
 CLOCK_TOLERANCE = 0.25
 """Largest distance of a sample from an even clock, as a share of the sampling interval."""

@@ -13,7 +13,7 @@ import numpy as np
 from lumbar.base.errors import InputError, Problems
 from lumbar.records.record import LARGEST, MIN_SAMPLES, Record, place_of, use_load_as_input
 from lumbar.records.rests import find_levels
-from lumbar.settings.layout import AXES
+from lumbar.settings.axes import AXES
 
 MAX_GAP_ROWS = 10
 """Largest number of consecutive missing rows that are filled; in a longer gap the motion is unknown."""

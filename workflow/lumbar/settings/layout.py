@@ -7,11 +7,10 @@ from typing import Annotated, Literal, Self, Union
 
 from pydantic import Field, field_validator
 
+from lumbar.settings.axes import AXES, SIDES
 from lumbar.settings.section import Interval, RecordName, Section, Unique
 
 Axis = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
-AXES, SIDES = ("x", "y", "z"), ("input", "output")
-"""Axes of a record, and the two sides of which roles name an axis, as in ``input_x``."""
 AXIS_ROLES = frozenset(f"{side}_{axis}" for side in SIDES for axis in AXES)
 
 

@@ -11,7 +11,8 @@ from pydantic_core import to_jsonable_python
 
 from lumbar.base.errors import Problems, did_you_mean
 from lumbar.base.yaml_file import YamlFile, parse_key_path
-from lumbar.settings.layout import AXIS_ROLES, SIDES
+from lumbar.settings.axes import SIDES
+from lumbar.settings.layout import AXIS_ROLES
 from lumbar.settings.section import Section
 
 FILL_IN = "FILL_IN"

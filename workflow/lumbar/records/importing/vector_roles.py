@@ -20,7 +20,7 @@ from lumbar.records.importing.roles import (
     split_columns,
     split_words,
 )
-from lumbar.settings.layout import AXES
+from lumbar.settings.axes import AXES
 
 QUANTITIES = {"position": "length", "force": "force"}
 _LETTERS = {"position": ("", "p"), "force": ("f",)}
