@@ -27,11 +27,9 @@ def pytest_collection_modifyitems(items):
 
     Files of integration tests take minutes: they begin, so that no worker is left with one at the end.
     """
+    folders = tuple(f"{TESTS / name}{os.sep}" for name in ("workflow", "end_to_end", "browser"))
     for item in items:
-        starts_snakemake = {TESTS / "workflow", TESTS / "end_to_end", TESTS / "browser"} & set(
-            item.path.parents
-        )
-        item.add_marker("integration" if starts_snakemake else "unit")
+        item.add_marker("integration" if str(item.path).startswith(folders) else "unit")
     items.sort(key=lambda item: item.get_closest_marker("integration") is None)
 
 

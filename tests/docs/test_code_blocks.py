@@ -37,10 +37,11 @@ def command_lines(program: str) -> list[tuple[str, str]]:
     ]
 
 
+COMMANDS = set(command_names())
 LUMBAR = [
     (name, line)
     for name, line in command_lines("lumbar")
-    if line.split()[1] in command_names() or line.split()[1].isidentifier()
+    if line.split()[1] in COMMANDS or line.split()[1].isidentifier()
 ]
 
 

@@ -6,8 +6,10 @@ from case_judging import NOT_YET, ask_case, judge, read_labels
 from answers import RIGHT, SHARED, absent, surprise
 
 FOLDER = SHARED / "hard_effects"
-QUICK = ("c04", "d00", "f01", "f11", "g12", "k18")
-"""Tried by every run of the tests; the others by ``make acceptance``."""
+QUICK = ("c04", "g12")
+"""Tried by every run of the tests."""
+NIGHTLY = ("d00", "f01", "f11", "k18")
+"""Tried by ``make test-statistical``; the others by ``make acceptance``."""
 
 
 def cases() -> list:
@@ -17,7 +19,7 @@ def cases() -> list:
 
 
 def parameter(case: str):
-    marks = [] if case in QUICK else [pytest.mark.acceptance]
+    marks = [] if case in QUICK else [pytest.mark.nightly if case in NIGHTLY else pytest.mark.acceptance]
     if reason := NOT_YET.get(case):
         marks.append(pytest.mark.xfail(strict=True, raises=AssertionError, reason=reason))
     return pytest.param(case, marks=marks)

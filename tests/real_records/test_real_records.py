@@ -20,12 +20,12 @@ from lumbar.tissue.models.structure import Structure
 from other_units import FAST, SLOW, check_alike
 
 EXPECTATIONS = expectations()
-QUICK = ("coupled_drives_1",)
-"""Tried by every run of the tests, as the friction damper is nightly by its study; the others by ``make acceptance``."""
+NIGHTLY = ("coupled_drives_1",)
+"""Tried by ``make test-statistical``, as the friction damper is by its study; the others by ``make acceptance``."""
 
 
 def parameter(name: str):
-    marks = [] if name in QUICK else [pytest.mark.acceptance]
+    marks = [pytest.mark.nightly if name in NIGHTLY else pytest.mark.acceptance]
     if reason := EXPECTATIONS[name].not_yet:
         marks.append(pytest.mark.xfail(strict=True, raises=AssertionError, reason=reason))
     return pytest.param(name, marks=marks)

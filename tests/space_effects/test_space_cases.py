@@ -5,8 +5,6 @@ from ask_cases import CASES, ask, interval_checks, is_right, records_of
 
 import lumbar
 
-QUICK = "hardening"
-"""The case of the fast tests."""
 _REPEATED = ("none_isotropic_kb", "none_orthotropic_kb", "coulomb", "coulomb_hardening")
 _REPEATED += ("delay_quadratic_damping", "crosstalk", "unexcited")
 """Cases that repeat effects, symmetries and sensors of others; only ``pytest -m acceptance`` tries them."""
@@ -15,15 +13,10 @@ _ASKED = [*((name, 1) for name in CASES), ("saturation", 3)]
 
 
 def marks_of(name):
-    if name == QUICK:
-        return []
     return [pytest.mark.acceptance if name in _REPEATED else pytest.mark.nightly]
 
 
-@pytest.mark.parametrize(
-    ("name", "seed"),
-    [pytest.param(*item, marks=marks_of(item[0])) for item in _ASKED],
-)
+@pytest.mark.parametrize(("name", "seed"), [pytest.param(*item, marks=marks_of(item[0])) for item in _ASKED])
 def test_hidden_effects_are_named_with_covering_intervals(name, seed):
     answer, truth = ask(name, seed)
     assert is_right(CASES[name]["expected"], answer), answer.summary

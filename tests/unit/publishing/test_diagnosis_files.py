@@ -1,5 +1,6 @@
 """The files of a diagnosis, and its interactive page: numbers, sentences, one file with the same bytes."""
 
+import io
 import json
 import re
 from dataclasses import replace
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 import lumbar
+from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
 
 
 @pytest.fixture(scope="module")
@@ -125,3 +127,16 @@ def test_thinning_of_long_records_is_stated(page):
     assert samples * columns <= 20000 * 1.01 + columns * len(thinned.records)
     assert thinned.models[1].merits == page.models[1].merits
     assert re.search(rf"\b{thinned.step}th sample\b", thinned.to_html())
+
+
+def test_page_of_tie_has_separating_excitations(diagnosis, page):
+    rival = next(
+        item.candidate for item in diagnosis.result.ranking if item.candidate.effects == ("hysteresis",)
+    )
+    tied = replace(diagnosis.result, status="tied", tied_with=[rival])
+    separation = separating_excitation(tied)
+    page = replace(page, result=tied, evidence=replace(page.evidence, separation=separation), others=())
+    files = page.variables()["content"]["excitations"]
+    assert set(files) == {"coulomb_friction", "hysteresis"}
+    played = np.loadtxt(io.StringIO(files["hysteresis"]["file"]), delimiter=",", skiprows=1)
+    assert played[:, 1] == pytest.approx(separation.excitation.motion.position, abs=1e-4)

@@ -1,8 +1,6 @@
 """Evidence, equations, signatures and building blocks of the page of a diagnosis."""
 
-import io
 import re
-from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -12,8 +10,8 @@ from periodic_records import STEP, multisine, noise, record, relaxing_force
 import lumbar
 from lumbar.publishing.explorer.one_file import embed_pictures, one_file, plain_figure
 from lumbar.publishing.pages.html import document, figure, listing, paragraph, table
-from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
 from lumbar.tissue.diagnosis.evidence.evidence import detectable_effects
+from lumbar.tissue.diagnosis.fitting.diagnosis_settings import DiagnosisSettings
 from lumbar.tissue.diagnosis.selection.candidate import likelihood_ratio
 from lumbar.tissue.diagnosis.selection.diagnosis_steps import diagnose
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL, NullDistribution, null_distribution
@@ -37,7 +35,8 @@ def records(extra=lambda z: 0.0 * z, periods=8):
 def test_effect_of_the_detectable_size_gains_the_threshold():
     """A force of three times the stated size, added to records of the base, gains nine times the threshold."""
     tests = records()
-    diagnosis = diagnose(tests)
+    settings = DiagnosisSettings("KB", catalogue={"inertia": TISSUE["inertia"]})
+    diagnosis = diagnose(tests, settings)
     assert diagnosis.selected == ()
     result = {item.effect: item for item in detectable_effects(diagnosis, TISSUE, null_distribution())}
     forms = sum(len(effect.forms) for effect in TISSUE.values())
@@ -47,7 +46,7 @@ def test_effect_of_the_detectable_size_gains_the_threshold():
     assert stated.easiest == pytest.approx(stated.hardest)
     data = diagnosis.experiment.training
     mass = 3 * stated.easiest / np.sqrt(np.mean(data.motion.acceleration[data.first :] ** 2))
-    larger = diagnose(records(lambda z: mass * acceleration(z)))
+    larger = diagnose(records(lambda z: mass * acceleration(z)), settings)
     single = next(item.candidate for item in larger.ranking if item.candidate.effects == ("inertia",))
     # Twice the log-likelihood of a force in noise scatters by 2 √(its mean).
     assert likelihood_ratio(larger.base, single, larger.experiment) == pytest.approx(
@@ -128,16 +127,3 @@ def test_numbering_of_bokeh_ids_keeps_encoded_arrays():
     variables = {"title": "", "data": "", "content": {"coded": coded}}
     text = one_file(pictures, "publishing/explorer/shell.html.jinja", variables)
     assert coded in text and not re.search(r'"p\d{4,}"', text)
-
-
-def test_page_of_tie_has_separating_excitations(diagnosis, page):
-    rival = next(
-        item.candidate for item in diagnosis.result.ranking if item.candidate.effects == ("hysteresis",)
-    )
-    tied = replace(diagnosis.result, status="tied", tied_with=[rival])
-    separation = separating_excitation(tied)
-    page = replace(page, result=tied, evidence=replace(page.evidence, separation=separation), others=())
-    files = page.variables()["content"]["excitations"]
-    assert set(files) == {"coulomb_friction", "hysteresis"}
-    played = np.loadtxt(io.StringIO(files["hysteresis"]["file"]), delimiter=",", skiprows=1)
-    assert played[:, 1] == pytest.approx(separation.excitation.motion.position, abs=1e-4)

@@ -44,9 +44,12 @@ HIDDEN = {
     "second_relaxation": lambda z: 0.2 * branch(z, 6.0),
     "coulomb_friction": lambda z: 0.4 * np.append(np.diff(z) > 0, 0.0),
 }
+FAST = ("adequate", "coulomb_friction")
 
 
-@pytest.mark.parametrize("hidden", HIDDEN)
+@pytest.mark.parametrize(
+    "hidden", [pytest.param(name, marks=[pytest.mark.statistical] * (name not in FAST)) for name in HIDDEN]
+)
 def test_one_relaxation_test_names_or_ties_the_effect(hidden):
     result = diagnose([relaxation_test(added=HIDDEN[hidden])])
     names = {*result.selected, *(name for item in result.tied_with for name in item.effects)}

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from diagnosing import diagnose_few
 from fine_tissue import FINE, branch, sampled, sines
 from periodic_records import STEP, noisy_record, softening_record
 
@@ -13,7 +14,7 @@ import lumbar
 
 def test_diagnosis_on_two_records_is_tested_on_others():
     records = [softening_record(name, seed) for name, seed in (("a", 7), ("b", 8), ("c", 9))]
-    result = lumbar.diagnose(records, base="LE", train=["a", "b"]).result
+    result = diagnose_few(records, "LE", ["a", "b"])
     assert (result.status, result.selected) == ("named", ("softening",))
     assert result.to_json()["train"] == "a+b"
     assert [item.name for item in result.experiment.tests] == ["c"]
@@ -117,7 +118,7 @@ def test_state_of_tissue_continues_in_next_record(effect, parameters):
 
 
 def test_session_without_hidden_effect_is_adequate():
-    result = lumbar.diagnose(session("nothing"), base="KB", settings=TOGETHER).result
+    result = diagnose_few(session("nothing"), "KB", session=True)
     assert result.status == "adequate"
     assert result.base.test_rms < 1.05 * NOISE
 

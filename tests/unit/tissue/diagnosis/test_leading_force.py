@@ -53,10 +53,9 @@ def test_leading_force_is_reported_and_unexplained(lead, branch, hardening):
     assert result.status == "unexplained"
 
 
-@pytest.mark.parametrize("mass", [0.0, 0.0004])
-def test_force_without_lead_is_not_reported(mass):
-    result = diagnose(leading(0, mass=mass))
-    assert not lead_findings(result) and result.selected == (("inertia",) if mass else ())
+def test_force_of_a_mass_is_not_a_lead():
+    result = diagnose(leading(0, mass=0.0004))
+    assert not lead_findings(result) and result.selected == ("inertia",)
 
 
 def read_with_noise(sigma: float, **law):
@@ -67,13 +66,14 @@ def read_with_noise(sigma: float, **law):
     ]
 
 
-@pytest.fixture(scope="module", params=[0.02, 0.05])
-def noisy(request):
-    return diagnose(read_with_noise(request.param))
+@pytest.fixture(scope="module")
+def noisy():
+    return diagnose(read_with_noise(0.05))
 
 
 def test_force_of_position_noise_is_not_missing(noisy):
     experiment = noisy.experiment
+    assert not lead_findings(noisy)
     assert noisy.status == "adequate" and noisy.base.fit.structure.base.name == "KB"
     assert noisy.base.test_rms > 1.1 * experiment.noise
     expected = (noisy.base.train_rms**2 - experiment.noise**2) ** 0.5

@@ -42,7 +42,7 @@ def pair(flows: bool = False, noise: float = NOISE_MM) -> list[Record]:
     return [creep_record("one", 1.0, flows, noise), creep_record("two", 1.7, flows, noise)]
 
 
-@pytest.mark.parametrize("noise", [NOISE_MM, 1e-6])
+@pytest.mark.parametrize("noise", [NOISE_MM, pytest.param(1e-6, marks=pytest.mark.statistical)])
 def test_dead_weight_gives_the_parameters(noise):
     diagnosis = lumbar.diagnose(pair(noise=noise), settings=FORCE_IN)
     assert (diagnosis.status, diagnosis.selected, diagnosis.model.base) == ("adequate", (), "KB")
@@ -72,7 +72,9 @@ def test_free_dashpot_is_the_base_of_burgers(tmp_path):
     assert diagnosis.model.output.offset == pytest.approx(ZERO_MM, abs=0.005)
 
 
-@pytest.mark.parametrize(("between", "method"), [("held", "zoh"), ("straight", "foh")])
+@pytest.mark.parametrize(
+    ("between", "method"), [("held", "zoh"), pytest.param("straight", "foh", marks=pytest.mark.statistical)]
+)
 def test_course_between_samples_is_chosen_by_the_data(between, method):
     mass, damping, stiffness, step = 0.002, 0.0064, 0.08, 0.02
     matrices = ([[0, 1], [-stiffness / mass, -damping / mass]], [[0], [1 / mass]], [[1, 0]], [[0]])

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from diagnosing import diagnose_few
 from fine_tissue import FINE, branch, experiment
 from periodic_records import multisine, noise, record, relaxing_force
 
@@ -32,9 +33,9 @@ from lumbar.tissue.models.structure import Structure
 from pendulum_experiments import make_pendulum_experiment, records_of
 
 
-@pytest.mark.parametrize("relaxation", [0.001, 0.004])
-def test_fast_relaxation_is_fitted(relaxation):
+def test_fast_relaxation_is_fitted():
     """At 5 kHz a relaxation time of 1 ms is five samples; it must not rest on a bound of 8 ms."""
+    relaxation = 0.001
 
     def fast(time, position, speed, step):
         return 1.2 * position + 0.8 * branch(position, relaxation, step)
@@ -95,7 +96,7 @@ def result():
         position = multisine(8, seed=seed)
         force = relaxing_force(position) + 0.4 * np.sign(np.gradient(position))
         records.append(record(position, force + 0.05 * noise(len(position), seed + 20), name))
-    return diagnose(records, DiagnosisSettings(train="multisine", most_effects=1))
+    return diagnose_few(records, train="multisine", most_effects=1)
 
 
 def test_removed_share_refers_to_base_error(result):
@@ -168,7 +169,7 @@ def test_completeness_follows_status_of_refined_model(floors, after):
         position = multisine(8, seed=seed)
         records.append(record(position, stiffening(position) + 0.01 * noise(len(position), seed + 20), name))
     settings = DiagnosisSettings(base="LE", catalogue=catalogue)
-    floor = diagnose(records, settings).experiment.floor.rms
+    floor = prepare(records).floor.rms
     # A force that follows the motion: noise of any colour would not count.
     other = np.sign(np.gradient(records[1]["input"])) * np.sqrt(floors**2 - 1) * floor
     disturbed = records[1].with_values(output=records[1]["output"] + other)

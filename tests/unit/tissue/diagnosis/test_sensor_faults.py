@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from diagnosing import diagnose_few
 from fine_tissue import branch, experiment
 from periodic_records import record as recorded
 from scipy.interpolate import make_interp_spline
@@ -200,32 +201,31 @@ def diagnosed(records):
     return lumbar.diagnose(records, settings=settings)
 
 
-def force_offsets(diagnosis) -> list:
-    return [(item.record, item.value) for item in diagnosis.result.findings if item.kind == "force_offset"]
+def force_offsets(result) -> list:
+    return [(item.record, item.value) for item in result.findings if item.kind == "force_offset"]
 
 
 @pytest.mark.parametrize(
-    ("tissue", "effects"),
-    [(relaxing, ()), (hardening, ("hardening_stiffness",))],
+    ("tissue", "effects", "zero"),
+    [(relaxing, (), 0.1), (hardening, ("hardening_stiffness",), 0.5)],
     ids=["linear", "hardening"],
 )
-@pytest.mark.parametrize("zero", [0.5, 0.1])
 def test_zero_of_force_is_fitted_and_no_effect(tissue, effects, zero):
     diagnosis = diagnosed(experiment(tissue, zeros=(zero, zero)))
     assert (diagnosis.result.status, diagnosis.selected) == ("named" if effects else "adequate", effects)
     assert diagnosis.model.output.offset == pytest.approx(zero, abs=0.005)
-    offsets = [value for _, value in force_offsets(diagnosis)]
+    offsets = [value for _, value in force_offsets(diagnosis.result)]
     assert offsets == ([pytest.approx(zero, abs=0.005)] if zero == 0.5 else [])
 
 
 def test_every_record_may_have_its_own_zero():
-    diagnosis = diagnosed(experiment(hardening, zeros=(0.3, -0.2)))
-    assert (diagnosis.result.status, diagnosis.selected) == ("named", ("hardening_stiffness",))
-    assert force_offsets(diagnosis) == [
+    result = diagnose_few(experiment(hardening, zeros=(0.3, -0.2)))
+    assert (result.status, result.selected) == ("named", ("hardening_stiffness",))
+    assert force_offsets(result) == [
         ("multisine", pytest.approx(0.3, abs=0.005)),
         ("other", pytest.approx(-0.2, abs=0.005)),
     ]
-    assert diagnosis.result.model.test_rms == pytest.approx(0.01, rel=0.1)
+    assert result.model.test_rms == pytest.approx(0.01, rel=0.1)
 
 
 def test_zero_of_position_with_friction_is_not_drift():
@@ -234,9 +234,9 @@ def test_zero_of_position_with_friction_is_not_drift():
     def rubbing(time, position, speed, step):
         return relaxing(time, position, speed, step) + 0.45 * np.tanh(speed / 0.4) + 1.2 * 3.0
 
-    diagnosis = diagnosed(experiment(rubbing))
-    assert (diagnosis.result.status, diagnosis.selected) == ("named", ("coulomb_friction",))
-    assert diagnosis.result.model.fit.zero == pytest.approx(3.6, abs=0.01)
+    result = diagnose_few(experiment(rubbing))
+    assert (result.status, result.selected) == ("named", ("coulomb_friction",))
+    assert result.model.fit.zero == pytest.approx(3.6, abs=0.01)
 
 
 @pytest.mark.nightly

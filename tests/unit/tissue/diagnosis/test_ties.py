@@ -7,6 +7,7 @@ from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
+from diagnosing import diagnose_few
 from fine_tissue import branch, experiment
 from periodic_records import multisine, record, relaxing_force
 
@@ -134,7 +135,7 @@ def test_tied_effects_are_in_one_cluster():
 
 def test_no_excitation_is_proposed_without_a_tie():
     records, _, _ = tied_experiment("hardening_stiffness:cubic", 6.0, 3)
-    diagnosis = diagnose(records)
+    diagnosis = diagnose_few(records)
     assert diagnosis.status == "named"
     assert separating_excitation(diagnosis) is None
     assert signal_angles(diagnosis).clusters[0] == [0]
@@ -177,7 +178,7 @@ def pressed(step: float) -> list[Record]:
     return records
 
 
-@pytest.mark.parametrize("step", [0.02, 0.001])
+@pytest.mark.parametrize("step", [0.02, 0.004])
 def test_damping_by_depth_and_by_speed_are_tied_at_any_rate(step):
     result = diagnose(pressed(step), DiagnosisSettings(base="LE", most_effects=1))
     assert result.status == "tied"
@@ -332,6 +333,5 @@ def test_even_force_is_not_a_disturbance():
     def bent(time, position, speed, step):
         return relaxing(time, position, speed, step) + 0.3 * np.abs(np.sin(2 * position))
 
-    catalogue = {name: TISSUE[name] for name in ("periodic_disturbance", "drift")}
-    result = diagnose(experiment(bent), DiagnosisSettings(catalogue=catalogue))
+    result = diagnose_few(experiment(bent), "KB", candidates=("periodic_disturbance", "drift"))
     assert (result.status, result.selected) == ("unexplained", ())

@@ -47,10 +47,9 @@ def diagnose_forward(records, train):
     return lumbar.diagnose(records, train=train, settings=FORCE_IN).result
 
 
-@pytest.mark.parametrize("key", ["hardening_stiffness/power", "coulomb_friction/coulomb"])
-def test_verdict_is_invariant_to_units(key):
-    result = check_alike(diagnose_tissue, records_of_effect(key), SLOW)
-    assert (result.status, result.selected) == ("named", (key.split("/")[0],))
+def test_verdict_is_invariant_to_units():
+    result = check_alike(diagnose_tissue, records_of_effect("coulomb_friction/coulomb"), SLOW)
+    assert (result.status, result.selected) == ("named", ("coulomb_friction",))
 
 
 @pytest.mark.parametrize(("key", "units"), alternate(FORM_NUMBERS, is_first_form))

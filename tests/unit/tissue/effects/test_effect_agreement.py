@@ -111,6 +111,8 @@ HAND_WRITTEN = {
 CONTACTS = {"base/KV-contact", "base/KB-contact"}
 """Bases of a tool that leaves the tissue: they have no equation and no FMU."""
 EQUATIONS = {key: form for key, form in EVERY_FORM.items() if key not in HAND_WRITTEN | CONTACTS}
+LONG_TO_READ = {"base/QLV-2", "base/QLV-power", "periodic_disturbance/overtones"}
+"""Sympy needs seconds for each of these sums."""
 CLOSED_FORMS = {"hysteresis/bouc_wen", "hysteresis/bouc_wen_general"}
 STEPPED = HAND_WRITTEN | CLOSED_FORMS
 """Forms with hand-written C code; those of Bouc–Wen are closed forms of their equations."""
@@ -206,7 +208,13 @@ def test_hand_written_c_code_equals_the_simulation(structure, zig_cache, c_folde
     np.testing.assert_allclose(response, plain, rtol=0, atol=1e-12 * max(1.0, np.abs(plain).max()))
 
 
-@pytest.mark.parametrize("form", EQUATIONS.values(), ids=lambda form: form.key)
+@pytest.mark.parametrize(
+    "form",
+    [
+        pytest.param(form, id=key, marks=[pytest.mark.nightly] * (key in LONG_TO_READ))
+        for key, form in EQUATIONS.items()
+    ],
+)
 def test_latex_gives_the_columns_and_rates(form):
     equation = form.parsed_equation
     items = (*form.linear, *form.nonlinear, *form.constants)
