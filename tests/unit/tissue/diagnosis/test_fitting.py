@@ -56,6 +56,23 @@ def experiment(key, linear, nonlinear, noise=0.01, seed=0):
     return FitData("test", motion, force, settling=50)
 
 
+def test_second_relaxation_is_found_where_the_first_leads_to_its_bound():
+    """Short impacts: the base alone takes a time between both, so the best start of the second is the faster one."""
+    random = np.random.default_rng(3)
+    parts = [np.zeros(40)]
+    for width in random.integers(6, 26, 14):
+        pulse = np.sin(np.pi * np.arange(width) / width) ** 2
+        parts += [random.uniform(1, 5) * pulse, np.zeros(random.integers(60, 160))]
+    position = np.concatenate(parts)
+    motion = Motion(STEP / 2 * np.arange(len(position)), position, STEP / 2)
+    structure = Structure(BASES["KB"], (FORMS["second_relaxation/maxwell_branch"],))
+    true = np.array([0.59, 3.7])
+    clean = structure.simulate(motion, np.array([0.86, 0.64, 1.5]), true)
+    data = FitData("test", motion, clean + 0.007 * random.standard_normal(len(clean)), settling=0)
+    found = add(fit_base(Structure(BASES["KB"]), data), structure.forms[0], data)
+    assert found.squared_error <= fit(structure, data, true).squared_error * 1.001
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_amplitudes_are_those_of_bounded_solver(seed):
     random = np.random.default_rng(seed)

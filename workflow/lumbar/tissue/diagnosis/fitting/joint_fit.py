@@ -163,6 +163,8 @@ _AT_BOUND = 1e-3
 """Relative distance from a bound within which a parameter counts as at the bound."""
 _MAX_COMBINATIONS, _REFINED_STARTS = 256, 6
 """Largest number of combinations of starting values of a base; number of starts that are refined if a base has more."""
+_OTHER_STARTS = 12
+"""Largest number of starting values of a form that are refined if the best one leads to a bound of the model's parameters."""
 
 
 def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
@@ -378,18 +380,28 @@ def linear_with_new(previous: Fit, form: Form) -> np.ndarray:
 def add(previous: Fit, form: Form, data: FitData) -> Fit:
     """Refit a model with one more form, jointly, from its best starting value.
 
-    A model with a parallel form includes the smaller model: if the optimiser ends with a larger error, the smaller model is
-    returned as not converged. With another form a fit may be worse, and has then converged if a parameter is at a bound.
+    If a parameter of the model then is at a bound, e.g. a relaxation time that the form should have, other starting values are
+    tried. A model with a parallel form includes the smaller model: if the optimiser ends with a larger error, the smaller model
+    is returned as not converged. With another form a fit may be worse, and has then converged if a parameter is at a bound.
     """
     structure = previous.structure.with_form(form)
-    best = fit(structure, data, np.concatenate([previous.nonlinear, screen(previous, form, data)[0][1]]))
+    starts = [np.concatenate([previous.nonlinear, start]) for _, start in screen(previous, form, data)]
+    best, count = fit(structure, data, starts[0]), len(previous.nonlinear)
+    if _is_at_bound(best, data)[:count].any():
+        others = (fit(structure, data, start) for start in starts[1:_OTHER_STARTS])
+        best = min([best, *others], key=lambda item: item.squared_error)
     if best.squared_error <= previous.squared_error * (1 + 1e-6):
         return best
-    new = best.nonlinear[len(previous.nonlinear) :]
+    new = best.nonlinear[count:]
     if form.place is Place.PARALLEL:
         nonlinear = np.concatenate([previous.nonlinear, new])
         linear = linear_with_new(previous, form)
         return replace(previous, structure=structure, linear=linear, nonlinear=nonlinear, converged=False)
-    low, high = (bound[len(previous.nonlinear) :] for bound in shape_bounds(structure, data, best.nonlinear))
-    is_bounded = bool(np.any((new <= low * (1 + _AT_BOUND)) | (new >= high * (1 - _AT_BOUND))))
+    is_bounded = bool(_is_at_bound(best, data)[count:].any())
     return replace(best, converged=best.converged and is_bounded)
+
+
+def _is_at_bound(fitted: Fit, data: FitData) -> np.ndarray:
+    """Return True for each nonlinear parameter at a bound, shape (parameters,)."""
+    low, high = shape_bounds(fitted.structure, data, fitted.nonlinear)
+    return (fitted.nonlinear <= low * (1 + _AT_BOUND)) | (fitted.nonlinear >= high * (1 - _AT_BOUND))
