@@ -133,7 +133,7 @@ def cases(points: Points, rate: float, rng: np.random.Generator) -> Iterator[Cas
     for pair in side_pairs(points, {label: landmark for landmark, label in landmarks(points).items()}):
         for fault, part in (("left and right exchanged for 1 s", frames), ("left and right exchanged", None)):
             spoilt = _exchanged(points, pair, part or slice(None))
-            yield Case(fault, spoilt, rate, ("exchanged", pair), part, PROPOSED)
+            yield Case(fault, spoilt, rate, ("exchanged", pair), part, LEFT_OUT if part else PROPOSED)
     for times in (10.0, 0.1):
         scaled = {label: times * positions for label, positions in points.items()}
         yield Case(f"unit × {times:g}", scaled, rate, ("unit", ()), outcome=ERROR)

@@ -68,6 +68,7 @@ class Trial:
     up: str
     forward: str
     """Axis that the person faces at first."""
+    height_m: float
 
 
 def bumps(time: np.ndarray, times: np.ndarray, seconds: float) -> np.ndarray:
@@ -236,7 +237,8 @@ def valid_trial(kind: str, seed: int) -> Trial:
     motion = MOTIONS[kind]
     if motion == "stairs":
         motion = str(rng.choice(["stairs", "chair"]))
-    body = move(angles_of(motion, time, rng), rate, rng.uniform(1.5, 1.98))
+    height = rng.uniform(1.5, 1.98)
+    body = move(angles_of(motion, time, rng), rate, height)
     if kind == "long walk":  # on a treadmill
         belt = gaussian_filter1d(body["sacrum"], 3 * rate, axis=0) * [1, 1, 0]
         body = {name: places - belt for name, places in body.items()}
@@ -266,7 +268,7 @@ def valid_trial(kind: str, seed: int) -> Trial:
     points = hide(points, gaps, rng, kind == "hidden halves")
     up, forward = AXES[seed % len(AXES)] if kind == "other axes" else AXES[0]
     points = {label: np.round(places, 5) for label, places in rotate(points, up, forward).items()}
-    return Trial(kind, points, rate, up, forward)
+    return Trial(kind, points, rate, up, forward, height)
 
 
 FAULTS = {

@@ -179,9 +179,7 @@ def _votes(
 ) -> list[np.ndarray]:
     """Return by pair the horizontal unit vectors in which it lets the body face, shape (n_frames, 3); NaN if it shows none."""
     votes = []
-    for start, end in pairs:
-        if start not in positions or end not in positions:
-            continue
+    for start, end in (pair for pair in pairs if set(pair) <= positions.keys()):
         vector = positions[end] - positions[start]
         level = vector * (vertical == 0)
         length, total = (np.linalg.norm(each, axis=1, keepdims=True) for each in (level, vector))
@@ -195,9 +193,7 @@ def _votes(
 
 def _facing_vector(votes: list[np.ndarray]) -> np.ndarray | None:
     """Return the direction in which the body faces by the mean of the frames with votes, shape (3,); None if it is not steady."""
-    if not votes:
-        return None
-    frames = np.nansum(votes, axis=0)
+    frames = np.nansum(votes, axis=0) if votes else np.zeros((1, 3))
     length = np.linalg.norm(frames, axis=1)
     # Frames without a vote, or with votes that contradict each other, show nothing.
     known = length > 0

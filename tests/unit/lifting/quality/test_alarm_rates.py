@@ -33,7 +33,7 @@ def trials(seeds):
 def test_valid_trials_give_hardly_any_alarm(seeds):
     alarms, count = Counter(), 0
     for trial, points, time in trials(seeds):
-        found = {finding.kind for finding in examine(points, time, trial.rate)}
+        found = {finding.kind for finding in examine(points, time, trial.rate, trial.height_m)}
         named = landmarks(points)
         axes = find_axes({name: trial.points[label] for name, label in named.items()})
         turned = trial.kind == "turn" and axes and axes.forward is None

@@ -215,16 +215,13 @@ def _find_leaps_and_exchanges(
             sided = [pair for pair in sided if frozenset(pair.labels) != exchange.pair]
         wrong = longer if exchange in flipped else shorter
         # Labels that change back soon were wrong in between. Otherwise only the sides of the body show the wrong part.
-        is_back = (
-            len(exchange.frames) % 2 == 0 and sum(one.stop - one.start for one in shorter) < n_frames / 3
-        )
-        is_certain = is_back or exchange.pair in map(frozenset, compared)
-        for item in _exchange_findings(points, straight, exchange, wrong, changing, legend):
-            remark = (
-                "" if is_certain else "; nothing is left out, because the other part may be the wrong one"
-            )
-            outcome = LEFT_OUT if is_certain else PROPOSED
-            findings.append(replace(item, outcome=outcome, cause=item.cause + remark))
+        n_short = sum(part.stop - part.start for part in shorter)
+        is_back = len(exchange.frames) % 2 == 0 and n_short < n_frames / 3
+        items = _exchange_findings(points, straight, exchange, wrong, changing, legend)
+        if not is_back and exchange.pair not in map(frozenset, compared):
+            remark = ", unless the other part is the wrong one: nothing is left out"
+            items = [replace(item, outcome=PROPOSED, cause=item.cause + remark) for item in items]
+        findings += items
     for pair in sided:
         one, other = pair.labels
         cause = f"their labels may be exchanged: if so, exchange {one} and {other} in markers.aliases; nothing is left out"
