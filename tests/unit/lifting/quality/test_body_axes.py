@@ -8,7 +8,7 @@ import lumbar
 from lumbar.lifting.quality.gate import examine
 from refusing import has_tokens
 
-AXES = [("+z", "+x"), ("+y", "+x"), ("+y", "-z"), ("+x", "+y"), ("-z", "+y")]
+AXES = [("+z", "+x"), ("+y", "-z"), ("+x", "+y"), ("-z", "+y")]
 
 
 def unit_vector(axis):

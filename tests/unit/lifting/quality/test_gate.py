@@ -68,7 +68,7 @@ def test_a_silent_corruption_is_named_with_its_markers_and_frames(recordings, na
     assert abs(finding.frames.stop - frames.stop) <= 1
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.statistical)])
 @pytest.mark.parametrize("name", ["s2m_box_transfer/Vicon.c3d", "sts_trunk_flexion_trc/sts_perturbed_3.trc"])
 def test_small_and_short_corruptions_of_any_marker_are_named(recordings, name, seed):
     recording, _ = recordings(name)

@@ -104,7 +104,9 @@ def slider(position: np.ndarray, distance: float) -> np.ndarray:
     ("effect", "parameters"),
     [
         ("softening", {"stiffness_lost": 0.3, "time_constant": 15.0}),
-        ("hysteresis", {"friction_limit": 0.5, "presliding_distance": 2.0}),
+        pytest.param(
+            "hysteresis", {"friction_limit": 0.5, "presliding_distance": 2.0}, marks=pytest.mark.statistical
+        ),
     ],
 )
 def test_state_of_tissue_continues_in_next_record(effect, parameters):
