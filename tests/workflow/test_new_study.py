@@ -10,9 +10,6 @@ import lumbar
 from running import copy_project, snakemake
 
 FILLED = {
-    "name": "shelf of a laboratory",
-    "licence": "GPL-3.0",
-    "obtain": "the laboratory",
     "sex": "unknown",
     "mass_kg": "60",
     "height_m": "1.65",
@@ -47,6 +44,11 @@ def test_new_study_contains_recognised_markers(laboratory):
     assert "#   broken.trc: " in text
     assert "BOX_8: arriere_gauche" in text
     assert "pivot: hip" in text
+    assert any(
+        line.startswith("# labels without a landmark: ") and "LASTC" in line
+        for line in map(str.strip, text.splitlines())
+    )
+    assert sum(path.read_text(encoding="utf-8").count(": FILL_IN") for path in (study, subject)) == 5
     with pytest.raises(lumbar.InputError, match=r"my_lab\.yaml: "):
         found.save(laboratory[0])
 
@@ -57,7 +59,7 @@ def test_new_study_runs_only_after_it_is_filled_in(laboratory):
     planned = ("--cores", "1", "lifting", "--configfile", "config/studies/my_lab.yaml")
     unfilled = snakemake(project, "--dry-run", *planned)
     assert unfilled.status != 0
-    assert "configuration: 8 problems" in unfilled.text
+    assert "configuration: 5 problems" in unfilled.text
     for key in FILLED:
         assert f"{key}: FILL_IN" in unfilled.text, key
     for path in paths:

@@ -176,6 +176,22 @@ def test_basin_reads_the_files_of_lift(run, project, twin_lift, tmp_path):
         assert message in run.refused("lift", markers, *options)
 
 
+def test_retired_options_and_keys_are_rejected_by_name(run, tmp_path):
+    plates = tmp_path / "plates.mot"
+    plates.write_text("nRows=4000\nendheader\n")
+    options = ("--subject", "ann.yaml", "--output", tmp_path / "out", "--forces", plates)
+    status, _, message = run("lift", "ann.c3d", *options)
+    assert status == 2 and "--forces" in message
+    assert "'.mot'" in run.refused("inspect", plates)
+    study = tmp_path / "study.yaml"
+    study.write_text(
+        "lifting: {force_plates: {}}\nstability: {checks: [extended], limits: {mass_share: 0}}\n"
+    )
+    message = run.refused("basin", "pendulum.csv", "--config", study, "--output", tmp_path / "out")
+    for name in ("lifting.force_plates", '"extended"', "stability.limits.mass_share"):
+        assert name in message
+
+
 @pytest.mark.parametrize("command", [("diagnose",), ("propose",), ("refine", "--add", "drift")])
 def test_output_is_checked_before_the_fit(run, tissue, tmp_path, monkeypatch, command):
     """A file in the way, a full disk: told before the records are even read, and nothing is made."""

@@ -18,6 +18,7 @@ from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.interface.reading import MARKER_ENDINGS
 from lumbar.lifting.quality.body import THIGH, landmarks
+from lumbar.records.marker_aliases import resolve_aliases
 from lumbar.records.marker_axes import BodyAxes, find_axes
 from lumbar.records.marker_file import NoMarkersError
 from lumbar.records.markers import METRES, MarkerRecording, read_markers
@@ -51,6 +52,8 @@ class MarkerSet:
     """Axes of the file; None if the labels do not show them."""
     joints: bool = False
     """True if the file has joint centres instead of markers on the skin."""
+    unused: tuple[str, ...] = ()
+    """Labels that no alias names."""
 
 
 def marker_set(recording: MarkerRecording) -> MarkerSet:
@@ -85,7 +88,8 @@ def marker_set(recording: MarkerRecording) -> MarkerSet:
     aliases |= {f"BOX_{number}": label for number, label in enumerate(box, start=1)}
     # Only measured markers show the axes, as in `lumbar inspect`.
     measured = {name: points[label] for name, label in landmarks(points).items()}
-    return MarkerSet(aliases, find_axes(measured), recording.joints)
+    unused = resolve_aliases(aliases, points, {}, {}, recording.source, []).unused
+    return MarkerSet(aliases, find_axes(measured), recording.joints, unused)
 
 
 def _alternatives(name: str) -> tuple:
@@ -255,6 +259,7 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
         evidence=next(iter(axes), ""),
         has_ankles=all({"L_ANKLE", "R_ANKLE"} <= item.set.aliases.keys() for item in valid),
         aliases=_alias_lines([item.set for item in valid]),
+        unused=dict.fromkeys(" ".join(label.split()) for item in valid for label in item.set.unused),
     )
     files = {f"config/studies/{name}.yaml": study}
     for person, items in people.items():
