@@ -4,10 +4,12 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from lifting_cases import write_recording
 from moving_people import FAULTS, MOTIONS, angles_of, faulty, labelled, move, valid_trial
 
 from lumbar.lifting.quality.body import landmarks
 from lumbar.lifting.quality.gate import examine, mask_findings
+from lumbar.lifting.quality.screening import read_screened
 from lumbar.records.marker_axes import check_axes, find_axes, rotation_to_standard
 from lumbar.settings.layout import MarkerLayout
 
@@ -91,7 +93,7 @@ def test_part_of_a_step_shows_the_axes(seed):
         check_axes(named, MarkerLayout(), "step.trc")
 
 
-def test_body_that_turns_shows_no_forward_axis_and_contradicts_none():
+def test_body_that_turns_shows_no_forward_axis_and_contradicts_none(tmp_path):
     time = np.arange(800) / 100
     angles = angles_of("walk", time, np.random.default_rng(0))
     angles["heading"] = np.radians(270) * time / time[-1]
@@ -106,3 +108,6 @@ def test_body_that_turns_shows_no_forward_axis_and_contradicts_none():
             MarkerLayout(forward=forward),
             "turn.trc",
         )
+    write_recording(tmp_path / "turn.c3d", named)
+    _, sheet = read_screened(tmp_path / "turn.c3d", MarkerLayout(subject_prefix="ann"))
+    assert "forward" in sheet.unchecked and "up" not in sheet.unchecked

@@ -217,7 +217,8 @@ def sheet_of(recording: MarkerRecording, screening: Screening, layout: MarkerLay
 
     masked = mask_findings(screening.points, screening.findings)
     labels = [label for label, points in masked.items() if np.isfinite(points).any()]
-    check_unaliased_axes({label: masked[label] for label in labels}, recording, layout)
+    unknown = check_unaliased_axes({label: masked[label] for label in labels}, recording, layout)
+    axes = dict.fromkeys(unknown, "no known label of the body shows this axis, or the body turns")
     findings = []
     for finding in screening.findings:
         names: tuple[str, ...] = ()
@@ -228,7 +229,7 @@ def sheet_of(recording: MarkerRecording, screening: Screening, layout: MarkerLay
             resolved = resolve_aliases(screening.aliases, frames, {}, {}, "", ()).positions
             names = tuple(name for name, points in resolved.items() if np.isnan(points[1]).any())
         findings.append(replace(finding, concerns=names))
-    return quality_sheet(recording, screening.points, findings, screening.unchecked)
+    return quality_sheet(recording, screening.points, findings, screening.unchecked | axes)
 
 
 def meant_labels(aliases: Mapping[str, Alias | None], labels: Collection[str]) -> dict[str, str]:
