@@ -205,7 +205,9 @@ class Selection:
     def selected_path(self) -> list[Candidate]:
         """Path from the base to the model, with effects selected one after the other."""
         experiment, catalogue, most = self.experiment, self.settings.catalogue, self.settings.most_effects
-        single = next((item for item in self.singles if self.passes(self.base, item)), None)
+        # The best effect may pass only with its own axes.
+        singles = [*self.singles, *self.polished(self.singles[:1])]
+        single = next((item for item in singles if self.passes(self.base, item)), None)
         path = [self.base] if single is None else [self.base, single]
         if is_adequate(path[-1], experiment) or most < 2:
             return path
