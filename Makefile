@@ -96,6 +96,7 @@ docs: environment ## renew the references of configuration keys, effects, the th
 	PYTHONPATH=docs python -m generate.thesis_items
 	python docs/generate/gallery.py
 	python docs/generate/import_diagram.py
+	python docs/generate/marker_sets.py
 
 SITE := build/docs-venv
 # An environment of its own, from the newest versions that pyproject.toml allows: .venv stays the lock's.

@@ -6,7 +6,7 @@ from functools import reduce
 
 import pytest
 
-from generate import equation_index, gallery, import_diagram, thesis_items
+from generate import equation_index, gallery, import_diagram, marker_sets, thesis_items
 
 
 @pytest.mark.parametrize(
@@ -15,8 +15,9 @@ from generate import equation_index, gallery, import_diagram, thesis_items
         (gallery, gallery.page),
         (import_diagram, lambda project: import_diagram.page()),
         (thesis_items, lambda project: thesis_items.page()),
+        (marker_sets, lambda project: marker_sets.page()),
     ],
-    ids=["gallery", "imports", "thesis"],
+    ids=["gallery", "imports", "thesis", "markers"],
 )
 def test_the_page_is_up_to_date(project, generated, page):
     assert (project / "docs" / generated.PAGE).read_text(encoding="utf-8") == page(project), "run 'make docs'"

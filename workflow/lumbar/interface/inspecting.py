@@ -14,8 +14,8 @@ from lumbar.interface.lift import Lift, lift
 from lumbar.interface.reading import read
 from lumbar.lifting.movement.lift_analysis import NEW_STUDY, analyse_lift
 from lumbar.lifting.movement.rigid_filling import BodyFilling
-from lumbar.lifting.quality.body import THIGH, landmarks
 from lumbar.lifting.quality.gate import mask_findings
+from lumbar.lifting.quality.marker_sets import landmarks
 from lumbar.lifting.quality.screening import (
     QualitySheet,
     Screening,
@@ -216,7 +216,7 @@ class InspectionReport:
         sheet, (is_analysed, outcome) = self.sheet, self.pipeline
         filled = [name if name == label else f"{name} = {label}" for name, label in self.meant.items()]
         # Landmarks with common labels that the file has and no alias of the settings uses.
-        free = landmarks([label for label in sheet.unused if label not in THIGH])
+        free = landmarks(sheet.unused)
         recognised = {name: label for name, label in free.items() if name in sheet.absent}
         suggested = ", ".join(f"{name} = {label}" for name, label in recognised.items())
         if suggested and NEW_STUDY not in outcome:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +16,13 @@ from lumbar.base.files import sanitize_name, write_text
 from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.interface.reading import MARKER_ENDINGS
-from lumbar.lifting.quality.body import THIGH, landmarks
-from lumbar.records.marker_aliases import resolve_aliases
+from lumbar.lifting.quality.marker_sets import recognise
+from lumbar.records.marker_aliases import labels_of, resolve_aliases
 from lumbar.records.marker_axes import BodyAxes, find_axes
 from lumbar.records.marker_file import NoMarkersError
 from lumbar.records.markers import METRES, MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
-from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint
+from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers
 from lumbar.settings.lifting import ALIASES
 from lumbar.settings.validation import FILL_IN
 
@@ -66,55 +65,30 @@ def marker_set(recording: MarkerRecording) -> MarkerSet:
     """
     points = {label.rpartition(":")[2]: values for label, values in recording.positions.items()}
     box = [label.rpartition(":")[2] for label in recording.positions if _BOX.search(label)]
-    known = {name: label for name, label in landmarks(points).items() if label not in (*THIGH, *box)}
-    aliases: dict[str, Alias] = {}
-
-    def fill(name: str, terms: Iterable[Alias]) -> None:
-        for term in terms:
-            if name not in aliases and _is_available(term, {*points, *aliases}):
-                aliases[name] = term
-
-    for name in (*ALIASES, *known):
-        if not name.startswith("BOX_"):
-            # Rules first, then the labels of the default aliases and of other marker sets, guesses last.
-            rules = [rule for rule, reason in _RULES.get(name, ()) if not reason]
-            guesses = [rule for rule, reason in _RULES.get(name, ()) if reason]
-            fill(name, [*rules, *_alternatives(name), *([known[name]] if name in known else []), *guesses])
-    # Landmarks that others give, each after those it is derived from.
-    for name in ("SACRUM", "C7", "T12", "L5"):
-        fill(name, [rule for rule, _ in _RULES[name]])
-    # Labels that are landmarks but no standard names stay labels.
-    aliases = {name: term for name, term in aliases.items() if name in ALIASES}
+    kind, found = recognise(label for label in points if label not in box)
+    aliases: dict[str, Alias] = {
+        name: MeanOfMarkers(mean=labels) if len(labels) > 1 else labels[0] for name, labels in found.items()
+    }
+    # Each landmark after those from which it is derived.
+    for name, rules in _RULES.items():
+        term = next((rule for rule, _ in rules if _is_available(rule, points.keys() | aliases)), None)
+        if name not in aliases and term is not None:
+            aliases[name] = term
+    used = {label for name in _RULES for label in labels_of(name, aliases)}
+    aliases = {name: term for name, term in aliases.items() if name in ALIASES or name in used - {term}}
     aliases |= {f"BOX_{number}": label for number, label in enumerate(box, start=1)}
     # Only measured markers show the axes, as in `lumbar inspect`.
-    measured = {name: points[label] for name, label in landmarks(points).items()}
+    measured = {name: points[labels[0]] for name, labels in found.items()}
     unused = resolve_aliases(aliases, points, {}, {}, recording.source, []).unused
-    return MarkerSet(aliases, find_axes(measured), recording.joints, unused)
+    return MarkerSet(aliases, find_axes(measured), recording.joints or kind.joints, unused)
 
 
-def _alternatives(name: str) -> tuple:
-    alias = ALIASES.get(name, ())
-    return alias if isinstance(alias, tuple) else (alias,)
-
-
-def _is_available(term: Alias, known: set[str]) -> bool:
-    """Return whether every marker of a term is known."""
+def _is_available(term: Alias, known: Collection[str]) -> bool:
+    """Return whether every marker of a rule is known."""
     if isinstance(term, str):
         return term in known
-    if isinstance(term, tuple):
-        return any(_is_available(part, known) for part in term)
-    if isinstance(term, OffsetPoint):
-        return _is_available(term.start, known)
     parts = term.mean if isinstance(term, MeanOfMarkers) else term.between
     return all(_is_available(part, known) for part in parts)
-
-
-def _sorting_key(name: str, term: Alias) -> tuple[int, int]:
-    """Return the sorting key of a landmark's terms: first rules and labels of the table, then other labels, then guesses."""
-    rules, defaults = [rule for rule, _ in _RULES.get(name, ())], _alternatives(name)
-    if term in rules:
-        return 3 if (name, term) in _REASONS else 0, rules.index(term)
-    return (1, defaults.index(term)) if term in defaults else (2, 0)
 
 
 def format_yaml(value: Alias | tuple[Alias, ...]) -> str:
@@ -254,6 +228,7 @@ def new_study(folder: str | os.PathLike, name: str | None = None) -> NewStudy:
         unread=[item for item in recordings if item.problem],
         people=list(people),
         states_unit=all(item.states_unit for item in valid),
+        joints=all(item.set.joints for item in valid),
         up=axes[0].up if axes else FILL_IN,
         forward=forward,
         evidence=next(iter(axes), ""),
@@ -303,7 +278,10 @@ def _alias_lines(sets: Sequence[MarkerSet]) -> list[str]:
     for item in sets:
         for name, term in item.aliases.items():
             joined.setdefault(name, {})[term] = None
-    aliases = {name: tuple(sorted(terms, key=partial(_sorting_key, name))) for name, terms in joined.items()}
+    aliases = {
+        name: tuple(sorted(terms, key=lambda term: (name, term) in _REASONS))
+        for name, terms in joined.items()
+    }
     joints, lines = all(item.joints for item in sets), []
     for name, terms in aliases.items():
         text = format_yaml(terms if len(terms) > 1 else terms[0])

@@ -20,8 +20,8 @@ from lumbar.lifting.movement.event_detection import find_events
 from lumbar.lifting.movement.events import ABSENT, DETECTED, Event
 from lumbar.lifting.movement.joint_centres import TrunkPoints, trunk_points
 from lumbar.lifting.movement.pendulum_states import THESIS_CHOICE, PendulumStates
-from lumbar.lifting.quality.body import THIGH, landmarks
 from lumbar.lifting.quality.findings import MarkerFinding
+from lumbar.lifting.quality.marker_sets import landmarks
 from lumbar.records.markers import MarkerRecording
 from lumbar.settings.lifting import LiftingSettings, SubjectSettings, TrialSettings
 
@@ -259,8 +259,7 @@ def _reject_open_gaps(recording: MarkerRecording, gaps: Sequence[Gap], maximum_s
 
 def recognised_unaliased(recording: MarkerRecording) -> str:
     """Return a remedy for markers with a known meaning and no alias; empty if there are none."""
-    labels = [label for label in recording.unused if label not in THIGH]
-    known = [name for name in landmarks(labels) if name in recording.absent]
+    known = [name for name in landmarks(recording.unused) if name in recording.absent]
     return f"{NEW_STUDY} writes aliases for those that are recognised: {', '.join(known)}" if known else ""
 
 

@@ -1,4 +1,4 @@
-"""Labels of common marker sets, and checks of the body that they show: axes, left and right, front and back, size and stature.
+"""Checks of the body that the labels show: axes, left and right, front and back, size and stature.
 
 `points` are positions in metres by label, shape (n_frames, 3), NaN if not seen; `named` is landmark by label.
 """
@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.yaml_file import shipped_names, shipped_yaml
+from lumbar.lifting.quality.marker_sets import landmarks
 from lumbar.records.marker_axes import axis_vector, check_axes, find_up
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.settings.layout import MarkerLayout
@@ -23,54 +24,8 @@ TRUNK_SHARE = 0.265
 _SHOULDER_LEVEL = ("SHOULDER", "MANUBRIUM", "C7", "T1")
 _PELVIS = ("ASIS", "PSIS", "SACRUM")
 _FRONT = ("MANUBRIUM", "XIPHOID", "ASIS")
-_LABELS = shipped_yaml(Path(__file__).with_name("landmarks.yaml"))
-THIGH = ("LHIP", "RHIP")
-"""Labels that some laboratories use for markers on the thigh; without an alias they are not treated as hips."""
-_VERTEBRA = re.compile(r"^([TL])V?(\d{1,2})$")
-
-
-def landmarks(labels: Iterable[str], meant: dict[str, str] | None = None) -> dict[str, str]:
-    """Return label by landmark, for the labels with a known meaning.
-
-    Parameters
-    ----------
-    labels : iterable of str
-        Labels without subject prefixes.
-    meant : dict of str to str, optional
-        Label by landmark from a laboratory's aliases, which precede the usual meaning.
-
-    Examples
-    --------
-    >>> landmarks(["CV7", "TV8", "L_IAS", "PSISr", "whatever"])
-    {'C7': 'CV7', 'L_ASIS': 'L_IAS', 'R_PSIS': 'PSISr', 'T8': 'TV8'}
-    >>> landmarks(["r.ASIS_study", "L_calc_study", "LeftAnkle"])
-    {'R_ASIS': 'r.ASIS_study', 'L_ANKLE': 'LeftAnkle', 'L_HEEL': 'L_calc_study'}
-    """
-    bare = {re.sub(r"_STUDY$|[^A-Z0-9]", "", label.rpartition(":")[2].upper()): label for label in labels}
-    # Joints of a skeleton are named after the segment that begins there.
-    joints: dict[str, list[str]] = _LABELS["joints"]
-    skeleton = all(any(f"LEFT{name}" in bare for name in joints[joint]) for joint in ("HIP", "KNEE"))
-    candidates: dict[str, list[str]] = dict(_LABELS["midline"])
-    for landmark, names in _LABELS["sided"].items():
-        for side, word in (("L", "LEFT"), ("R", "RIGHT")):
-            candidates[f"{side}_{landmark}"] = [
-                *(word + name for name in (*(joints.get(landmark, []) if skeleton else ()), *names)),
-                *(label for name in names for label in (side + name, name + side)),
-            ]
-    if skeleton:
-        for landmark, names in _LABELS["joints_of_the_midline"].items():
-            candidates[landmark] = [*names, *candidates.get(landmark, ())]
-    named = {}
-    for landmark, names in candidates.items():
-        label = next((bare[name] for name in names if name in bare), None)
-        if label is not None:
-            named[landmark] = label
-    for name, label in bare.items():
-        match = _VERTEBRA.match(name)
-        if match and 1 <= int(match[2]) <= {"T": 12, "L": 5}[match[1]]:
-            named.setdefault(f"{match[1]}{int(match[2])}", label)
-    meant = meant or {}
-    return {name: label for name, label in named.items() if label not in meant.values()} | meant
+_BODY = shipped_yaml(Path(__file__).with_name("landmarks.yaml"))
+_VERTEBRA = re.compile(r"^([TL])(\d{1,2})$")
 
 
 def side_pairs(labels: Iterable[str], named: dict[str, str] | None = None) -> list[tuple[str, str]]:
@@ -100,8 +55,15 @@ def side_pairs(labels: Iterable[str], named: dict[str, str] | None = None) -> li
         if label[-1:] == "l" or label[-2:] == "_L":
             others.append(label[:-1] + {"l": "r", "L": "R"}[label[-1]])
         pairs += [(label, other) for other in others if other in present]
-    meant_right = {label for label, landmark in (named or {}).items() if landmark.startswith("R_")}
-    return [pair[::-1] if pair[0] in meant_right else pair for pair in pairs]
+    labels_by_name = {landmark: label for label, landmark in (named or {}).items()}
+    meant_right = {label for name, label in labels_by_name.items() if name.startswith("R_")}
+    pairs = [pair[::-1] if pair[0] in meant_right else pair for pair in pairs]
+    known = {
+        (label, labels_by_name.get(f"R_{_part(name)}"))
+        for name, label in labels_by_name.items()
+        if name[:2] == "L_"
+    }
+    return list(dict.fromkeys([*pairs, *(pair for pair in sorted(known) if pair[1] in present)]))
 
 
 def level(landmark: str) -> float | None:
@@ -117,8 +79,8 @@ def level(landmark: str) -> float | None:
     >>> level("L_SHOULDER"), level("T12"), level("L_KNEE")
     (1.0, 0.37, None)
     """
-    if _part(landmark) in _LABELS["levels"]:
-        return _LABELS["levels"][_part(landmark)]
+    if _part(landmark) in _BODY["levels"]:
+        return _BODY["levels"][_part(landmark)]
     match = _VERTEBRA.match(landmark)
     if not match:
         return None
@@ -355,7 +317,7 @@ def estimate_stature(points: dict[str, np.ndarray], named: dict[str, str]) -> tu
     """
     labels = {landmark: label for label, landmark in named.items()}
     statures = []
-    for ends, share in _LABELS["lengths"].items():
+    for ends, share in _BODY["lengths"].items():
         for side in ("L_", "R_"):
             names = [end if end in labels else side + end for end in ends.split()]
             if all(name in labels for name in names):

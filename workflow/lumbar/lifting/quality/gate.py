@@ -9,6 +9,7 @@ from lumbar.base.yaml_file import shipped_names
 from lumbar.lifting.quality import body, displacement
 from lumbar.lifting.quality import implausible_motion as motion
 from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, NOTED, PROPOSED, Legend, MarkerFinding
+from lumbar.lifting.quality.marker_sets import landmarks
 from lumbar.records.marker_axes import find_up
 
 _AT = shipped_names(Path(__file__).with_name("thresholds.yaml"), "gate")
@@ -47,9 +48,7 @@ def examine(
     """
     if not points:
         return []
-    legend = Legend(
-        time, rate, {label: landmark for landmark, label in body.landmarks(points, meant).items()}
-    )
+    legend = Legend(time, rate, {label: landmark for landmark, label in landmarks(points, meant).items()})
     wrong_unit = _unit(points, legend, height_m)
     if wrong_unit:
         return wrong_unit
@@ -86,7 +85,7 @@ def unchecked_properties(
     """
     if not points:
         return {}
-    named = {label: landmark for landmark, label in body.landmarks(points, meant).items()}
+    named = {label: landmark for landmark, label in landmarks(points, meant).items()}
     sampled = _sampled(points)
     _, lengths = body.estimate_stature(sampled, named)
     sides, depths = body.rightward(sampled, named)

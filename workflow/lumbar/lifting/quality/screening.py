@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from lumbar.base.errors import InputError
-from lumbar.lifting.quality.body import check_unaliased_axes, landmarks
+from lumbar.lifting.quality.body import check_unaliased_axes
 from lumbar.lifting.quality.findings import ERROR, LEFT_OUT, MarkerFinding
 from lumbar.lifting.quality.gate import examine, mask_findings, unchecked_properties
+from lumbar.lifting.quality.marker_sets import landmarks
 from lumbar.records.marker_file import RecordedEvent
 from lumbar.records.markers import MarkerRecording, Repair, read_markers
 from lumbar.records.sampling import runs

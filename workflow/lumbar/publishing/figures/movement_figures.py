@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from lumbar.base.templates import typeset_minus_signs
 from lumbar.lifting.measures.balance import corners_around
 from lumbar.lifting.measures.course import CORNERS, base_from_course
-from lumbar.lifting.quality.body import landmarks
 from lumbar.lifting.quality.implausible_motion import LABORATORY_M
+from lumbar.lifting.quality.marker_sets import landmarks
 from lumbar.lifting.quality.screening import QualitySheet
 from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.style import (
