@@ -8,10 +8,12 @@ import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 import numpy as np
 
 from lumbar.base.errors import InputError
+from lumbar.base.yaml_file import shipped_yaml
 from lumbar.records.number_table import Dialect, Row, read_numbers
 from lumbar.records.record import CLOCK_TOLERANCE, LARGEST
 
@@ -95,6 +97,15 @@ _NON_POSITION_LABELS = (
     (re.compile(r"Moments?(\W.*)?$"), "moment, not a position"),
     (re.compile(r"Powers?(\W.*)?$"), "power, not a position"),
 )
+_COMPUTED = [
+    (
+        re.compile(group["labels"], re.IGNORECASE),
+        re.compile(group.get("with", ".*"), re.IGNORECASE),
+        group["reason"],
+    )
+    for group in shipped_yaml(Path(__file__).with_name("computed_points.yaml"))
+]
+"""Labels of computed points, labels of which the file must have one, and the reason to leave them out."""
 _CENTRE_OF_MASS = re.compile(r"^(Cent(re|er)OfMass(Floor)?|CoM|COM)$")
 UNLABELLED = "trajectory without a label"
 """Reason why a trajectory is dropped."""
@@ -126,6 +137,13 @@ def split_points(
     stems = [label[:-1] for label in labels if label[-1:] == "O"]
     segments = [{stem + letter for letter in _SEGMENT_AXES} for stem in stems]
     axes = set().union(*(names for names in segments if names <= counts.keys()))
+    computed = dict.fromkeys(axes, "computed segment axis")
+    names = [label.rpartition(":")[2] for label in labels]
+    for pattern, needed, reason in _COMPUTED:
+        if any(needed.fullmatch(name) for name in names):
+            computed |= {
+                label: reason for label, name in zip(labels, names, strict=True) if pattern.fullmatch(name)
+            }
     positions, model_points, dropped = {}, {}, {}
     for index, label in enumerate(labels):
         name = label.rpartition(":")[2]
@@ -138,8 +156,8 @@ def split_points(
             dropped[label] = f"label used for {counts[label]} points"
         elif reason := next((reason for ending, reason in _NON_POSITION_LABELS if ending.search(name)), None):
             dropped[label] = reason
-        elif label in axes or _CENTRE_OF_MASS.match(name):
-            dropped[label] = "computed segment axis" if label in axes else "computed centre of mass"
+        elif label in computed or _CENTRE_OF_MASS.match(name):
+            dropped[label] = computed.get(label, "computed centre of mass")
             model_points[label] = values
         elif np.isnan(values).all():
             dropped[label] = "never seen"
