@@ -105,7 +105,7 @@ def run_inspect(options) -> None:
     if options.json:
         print(json.dumps([one.to_dict() for one in results], indent=2))
     else:
-        print("\n\n".join(map(str, results)))
+        print("\n\n".join("\n".join(one.lines(options.details)) for one in results))
     if options.picture and results:
         results[0].save_picture(options.picture)
     problems.raise_if_any()

@@ -5,14 +5,16 @@ import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.base.files import replacing
 from lumbar.interface.lift import Lift, lift
+from lumbar.interface.new_study import marker_set
 from lumbar.interface.reading import read
-from lumbar.lifting.movement.lift_analysis import NEW_STUDY, analyse_lift
+from lumbar.lifting.movement.lift_analysis import analyse_lift
 from lumbar.lifting.movement.rigid_filling import BodyFilling
 from lumbar.lifting.quality.gate import mask_findings
 from lumbar.lifting.quality.marker_sets import landmarks
@@ -24,15 +26,20 @@ from lumbar.lifting.quality.screening import (
     quality_sheet,
     sheet_of,
 )
+from lumbar.records.marker_aliases import KEEP, STRIP
 from lumbar.records.marker_axes import find_axes, rotation_to_standard
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
-from lumbar.settings.lifting import REFINING, LiftingSettings, SubjectSettings, TrialSettings
+from lumbar.settings.layout import MarkerLayout
+from lumbar.settings.lifting import ALIASES, REFINING, LiftingSettings, SubjectSettings, TrialSettings
 
 _PLACEHOLDER_SUBJECT = SubjectSettings(
     name="unknown", sex="unknown", mass_kg=70.0, height_m=1.7, experience="unknown", trials=()
 )
 """Any subject for the pipeline, because events and gaps of a recording do not depend on the subject."""
+_LANDMARKS = tuple(name for name in ALIASES if not name.startswith("BOX_") and name not in REFINING)
+_MEAN = "mean of"
+"""Beginning of a rule that uses only markers of the landmark."""
 
 
 def inspect(
@@ -71,7 +78,8 @@ def inspect(
     path = Path(path)
     if path.is_dir():
         raise InputError(f"{path}: a folder; give the files in it, e.g. {path}/*.c3d")
-    chosen = settings or LiftingSettings()
+    # Without settings the labels and axes are recognised, with prefixes, because these may name a box.
+    chosen = settings or LiftingSettings(markers=MarkerLayout(subject_prefix=KEEP))
     layout = chosen.markers
     file = _read(path, chosen, height_m)
     # The axes of the body, from the markers that are not left out, after the inverse of the settings' rotation.
@@ -86,10 +94,13 @@ def inspect(
     if not (body_axes and body_axes.forward):
         axes += f"; up {up} and forward {forward} are assumed"
     is_rotated = (up, forward) != (layout.up, layout.forward)
-    markers = layout.model_copy(update={"up": up, "forward": forward})
-    rotated = chosen.model_copy(update={"markers": markers})
-    # Without settings the file is read again in these axes; otherwise the pipeline keeps those of the settings.
-    if is_rotated and settings is None:
+    changes: dict[str, Any] = {"up": up, "forward": forward}
+    if settings is None:
+        found = marker_set(replace(file.recording, positions=usable))
+        points = "joint_centres" if found.joints else "file"
+        changes |= {"aliases": found.aliases, "subject_prefix": STRIP, "points": points}
+    rotated = chosen.model_copy(update={"markers": layout.model_copy(update=changes)})
+    if settings is None:
         chosen, file = rotated, _read(path, rotated, height_m)
     pipeline = _run_pipeline(path, file, chosen)
     if is_rotated and settings is not None:
@@ -102,8 +113,14 @@ def inspect(
         pipeline=pipeline,
         points=screening.points,
         time=recording.time,
-        meant=meant_labels(layout.aliases, screening.points),
+        meant=meant_labels(rotated.markers.aliases, screening.points),
         prefixes=recording.subjects,
+        recognised=tuple(
+            name
+            for name in _LANDMARKS
+            if name in recording.positions and recording.derived.get(name, _MEAN).startswith(_MEAN)
+        ),
+        has_settings=settings is not None,
     )
 
 
@@ -197,6 +214,10 @@ class InspectionReport:
     """Label by standard name, for names that a single label gives."""
     prefixes: tuple[str, ...]
     """Prefixes of subjects, removed from the labels."""
+    recognised: tuple[str, ...]
+    """Landmarks that one marker, or the mean of several, gives."""
+    has_settings: bool
+    """True if the settings name the labels."""
 
     def to_dict(self) -> dict:
         """Return all but the trajectories as data for JSON."""
@@ -207,34 +228,52 @@ class InspectionReport:
             "prefixes": list(self.prefixes),
             "axes": self.axes,
             "filled": dict(self.meant),
+            "recognised": list(self.recognised),
             "analysed": is_analysed,
             "pipeline": outcome,
         }
 
-    def lines(self) -> list[str]:
-        """Return all but the trajectories as text."""
+    def lines(self, details: bool = False) -> list[str]:
+        """Return all but the trajectories as text.
+
+        Parameters
+        ----------
+        details : bool, default False
+            True lists each finding, each label and all reasons; False counts them.
+        """
         sheet, (is_analysed, outcome) = self.sheet, self.pipeline
         filled = [name if name == label else f"{name} = {label}" for name, label in self.meant.items()]
-        # Landmarks with common labels that the file has and no alias of the settings uses.
-        free = landmarks(sheet.unused)
-        recognised = {name: label for name, label in free.items() if name in sheet.absent}
-        suggested = ", ".join(f"{name} = {label}" for name, label in recognised.items())
-        if suggested and NEW_STUDY not in outcome:
-            suggested += f"; {NEW_STUDY} writes the aliases"
-        absent = [name for name in sheet.absent if name not in (*recognised, *REFINING)]
-        unused = ", ".join(sheet.unused)
+        missing = [name for name in _LANDMARKS if name not in self.recognised and name not in sheet.estimated]
+        estimated = [
+            f"{name} ({rule})" for name, rule in sheet.estimated.items() if name not in self.recognised
+        ]
         lists = {
             "subjects' prefixes removed": ", ".join(self.prefixes),
             "axes": self.axes,
-            "standard markers": ", ".join(filled) or "none",
-            "recognised, but no alias names it": suggested,
-            "estimated": "; ".join(f"{name} ({rule})" for name, rule in sheet.estimated.items()),
-            "without (name their labels in markers.aliases)": ", ".join(absent),
-            "unused": "" if unused in outcome else unused,
+            "markers": ", ".join(filled) if details else "",
+            "estimated": "; ".join(estimated),
+            "not recognised": ", ".join(missing),
+            "other markers": ", ".join(sheet.unused) if details else f"{len(sheet.unused) or ''}",
             "as a lift": "analysed" if is_analysed else "rejected",
         }
-        lines = [*sheet.lines(), *(f"{subject}: {text}" for subject, text in lists.items() if text)]
-        return [*lines, *(f"  {line}" for line in outcome.splitlines())]
+        lines = [*sheet.lines(details), *(f"{subject}: {text}" for subject, text in lists.items() if text)]
+        reasons = outcome.replace(f"{sheet.file}: ", "").replace(f"{sheet.file}, ", "").splitlines()
+        if not details and reasons[0].startswith("lift_off: none"):
+            lines[-1] = f"as a lift: {reasons[0]}"
+            reasons = []
+        return [*lines, *(f"  {line}" for line in reasons), self._next_step()]
+
+    def _next_step(self) -> str:
+        """Return the number of recognised landmarks and what remains to do."""
+        remaining = "run `lumbar new-study FOLDER`"
+        if self.has_settings:
+            free = [name for name in landmarks(self.sheet.unused) if name in self.sheet.absent]
+            remaining = (
+                f"name the labels of {', '.join(free)} in markers.aliases" if free else "run `lumbar lift`"
+            )
+        elif not self.recognised:
+            remaining += ", then name the labels in its aliases"
+        return f"{len(self.recognised)} of {len(_LANDMARKS)} landmarks recognised; {remaining}"
 
     def save_picture(self, path: str | os.PathLike) -> None:
         """Draw heights, gaps and findings into a file.

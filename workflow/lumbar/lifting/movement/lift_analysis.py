@@ -100,8 +100,9 @@ def analyse_lift(
         problems = Problems(f"{smooth.source}: neither an event of a lift nor a centre of mass")
         for name, reason in {**missing, "lift_off": events["lift_off"].how}.items():
             problems.add(name, reason)
-        unused = f"markers of the file that no alias names: {', '.join(smooth.unused[:60]) or 'none'}"
-        problems.add("", unused, recognised_unaliased(smooth))
+        if smooth.unused:
+            unused = f"markers of the file that no alias names: {', '.join(smooth.unused[:60])}"
+            problems.add("", unused, recognised_unaliased(smooth))
         problems.raise_if_any()
     if settings.gaps.longer == "error" and times:
         needed, span = _required_markers(points, table.ends, settings.pivot), (min(times), max(times))

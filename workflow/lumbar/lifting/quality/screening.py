@@ -25,8 +25,8 @@ from lumbar.records.sampling import runs
 from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint, PointBetween
 from lumbar.tables.table import Table, table_from_schema
 
-_MAX_GAPS = 5
-"""Largest number of markers with gaps in the text of the report."""
+_MAX_MARKERS = 5
+"""Largest number of markers with gaps or findings of one kind in the text of the report."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +79,14 @@ class QualitySheet:
         """Return the sheet as data for JSON."""
         return asdict(self) | {"missing_share": self.missing_share}
 
-    def lines(self) -> list[str]:
-        """Return the sheet in sentences."""
+    def lines(self, details: bool = False) -> list[str]:
+        """Return the sheet in sentences, with one line for each finding or, without details, for each kind.
+
+        Parameters
+        ----------
+        details : bool, default False
+            True lists each finding; False counts those of one kind.
+        """
         stop = self.start_s + self.duration_s
         lines = [
             f"{Path(self.file).name}: {self.n_frames} frames at {self.rate_Hz:g} Hz, {self.start_s:.2f} to {stop:.2f} s, "
@@ -88,25 +94,43 @@ class QualitySheet:
         ]
         reasons = Counter(self.left_out.values())
         if reasons:
-            counted = ", ".join(f"{count} × {reason}" for reason, count in reasons.most_common())
-            lines.append(f"no markers: {counted}")
+            counted = "; ".join(f"{count} × {reason}" for reason, count in reasons.most_common())
+            lines.append(f"points that are not markers: {counted}")
         if self.events:
             shown = ", ".join(f"{event.full_label} {event.time:.2f} s" for event in self.events)
             lines.append(f"events in the file: {shown}")
         lines += [f"note: {note}" for note in self.notes]
         worst = [
             f"{gap.marker} {gap.longest_s:.2f} s from {gap.from_s:.2f} s ({gap.missing_share:.1%})"
-            for gap in self.gaps[:_MAX_GAPS]
+            for gap in self.gaps[:_MAX_MARKERS]
         ]
-        more = f", and {len(self.gaps) - _MAX_GAPS} more" if len(self.gaps) > _MAX_GAPS else ""
+        more = f", and {len(self.gaps) - _MAX_MARKERS} more" if len(self.gaps) > _MAX_MARKERS else ""
         share = f"{self.missing_share:.2%} of all samples; longest of each: {', '.join(worst)}{more}"
         lines.append(f"gaps: {share if self.gaps else 'none'}")
         none = "findings: none" + (" in what could be checked" if self.unchecked else "")
-        lines += [f"{finding.outcome}: {finding}" for finding in self.findings] or [none]
+        kinds: dict[object, list[MarkerFinding]] = {}
+        for finding in self.findings:
+            kinds.setdefault(finding if details else (finding.outcome, finding.kind), []).append(finding)
+        lines += [_describe_findings(found) for found in kinds.values()] or [none]
         if self.unchecked:
             properties = "; ".join(f"{name} ({reason})" for name, reason in self.unchecked.items())
             lines.append(f"not checked: {properties}")
         return lines
+
+
+def _describe_findings(findings: list[MarkerFinding]) -> str:
+    """Return one line on findings of one kind: the finding, or the number of findings, markers and times."""
+    first, *others = findings
+    if not others:
+        return f"{first.outcome}: {first}"
+    markers = Counter(marker for finding in findings for marker in finding.markers)
+    shown = [
+        f"{marker} × {count}" if count > 1 else marker for marker, count in markers.most_common(_MAX_MARKERS)
+    ]
+    more = f" and {len(markers) - len(shown)} more" if len(markers) > len(shown) else ""
+    start, stop = (min(one.start_s for one in findings), max(one.start_s + one.length_s for one in findings))
+    where = f"{', '.join(shown) or 'all markers'}{more}, {start:.2f} to {stop:.2f} s"
+    return f"{first.outcome}: {first.kind} × {len(findings)}: {where}; first: {first.evidence}"
 
 
 @dataclass
