@@ -26,7 +26,7 @@ Other labels are matched with a list of common words (`L.Knee.Lat`, `wrist_radiu
 def count_recognised(kind: LabelSet) -> tuple[int, int]:
     """Return the number of a set's labels that name landmarks, and of those with a recognised landmark."""
     named = {(label, name) for name, choices in kind.choices.items() for one in choices for label in one}
-    _, found = recognise(sorted(kind.labels))
+    _, found = recognise(label.lower() for label in sorted(kind.labels))
     return len(named), sum(name in found for _, name in named)
 
 

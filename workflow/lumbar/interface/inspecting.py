@@ -97,8 +97,8 @@ def inspect(
     changes: dict[str, Any] = {"up": up, "forward": forward}
     if settings is None:
         found = marker_set(replace(file.recording, positions=usable))
-        points = "joint_centres" if found.joints else "file"
-        changes |= {"aliases": found.aliases, "subject_prefix": STRIP, "points": points}
+        changes |= {"aliases": found.aliases, "subject_prefix": STRIP}
+        changes |= {"points": "joint_centres"} if found.joints else {}
     rotated = chosen.model_copy(update={"markers": layout.model_copy(update=changes)})
     if settings is None:
         chosen, file = rotated, _read(path, rotated, height_m)
@@ -243,24 +243,25 @@ class InspectionReport:
         """
         sheet, (is_analysed, outcome) = self.sheet, self.pipeline
         filled = [name if name == label else f"{name} = {label}" for name, label in self.meant.items()]
-        missing = [name for name in _LANDMARKS if name not in self.recognised and name not in sheet.estimated]
-        estimated = [
-            f"{name} ({rule})" for name, rule in sheet.estimated.items() if name not in self.recognised
-        ]
+        guessed = {
+            name: rule
+            for name, rule in sheet.estimated.items()
+            if name in _LANDMARKS and name not in self.recognised
+        }
+        missing = [name for name in _LANDMARKS if name not in (*guessed, *self.recognised)]
         lists = {
             "subjects' prefixes removed": ", ".join(self.prefixes),
             "axes": self.axes,
             "markers": ", ".join(filled) if details else "",
-            "estimated": "; ".join(estimated),
-            "not recognised": ", ".join(missing),
+            "estimated": "; ".join(f"{name} ({rule})" for name, rule in guessed.items()),
+            "not recognised": ", ".join(missing) if self.recognised else "",
             "other markers": ", ".join(sheet.unused) if details else f"{len(sheet.unused) or ''}",
-            "as a lift": "analysed" if is_analysed else "rejected",
         }
         lines = [*sheet.lines(details), *(f"{subject}: {text}" for subject, text in lists.items() if text)]
-        reasons = outcome.replace(f"{sheet.file}: ", "").replace(f"{sheet.file}, ", "").splitlines()
-        if not details and reasons[0].startswith("lift_off: none"):
-            lines[-1] = f"as a lift: {reasons[0]}"
-            reasons = []
+        first, *reasons = outcome.replace(f"{sheet.file}: ", "").replace(f"{sheet.file}, ", "").splitlines()
+        if reasons and not (details or (is_analysed and not first.startswith("lift_off: none"))):
+            first, reasons = first + ("" if is_analysed else ", see --details"), []
+        lines.append(f"as a lift: {'' if is_analysed else 'rejected: '}{first}")
         return [*lines, *(f"  {line}" for line in reasons), self._next_step()]
 
     def _next_step(self) -> str:

@@ -179,3 +179,37 @@ def test_finding_concerns_markers_derived_by_a_rule(points, lift_of):
     frozen = changed(points, "T12", slice(300, 340), points["T12"][300])
     (finding,) = lift_of(frozen, aliases=study_settings().lifting.markers.aliases | rules).quality.findings
     assert set(finding.concerns) == {"T12", "L5"}
+
+
+RENAMED = (
+    (
+        "C7 L_Shoulder R_Shoulder L_calc R_calc L_toe R_toe",
+        "C7 L_SHOULDER R_SHOULDER L_HEEL R_HEEL L_TOE R_TOE",
+        7,
+    ),
+    ("1~-~L_Hip 2~-~R_Hip 3~-~C7 4~-~L_Wrist", "L_HIP R_HIP C7 L_WRIST", 4),
+    ("spot1 spot2 spot3 spot4", "C7 T12 L_HIP R_HIP", 0),
+)
+
+
+@pytest.mark.parametrize(("labels", "names", "count"), RENAMED)
+def test_last_line_counts_landmarks_and_names_the_next_step(points, tmp_path, labels, names, count):
+    chosen = {
+        label.replace("~", " "): points[name]
+        for label, name in zip(labels.split(), names.split(), strict=True)
+    }
+    write_recording(tmp_path / "own.c3d", chosen, subject="ann")
+    report = lumbar.inspect(tmp_path / "own.c3d")
+    assert set(report.recognised) == set(names.split() * bool(count))
+    assert has_tokens(report.lines()[-1], f"{count} of 27…`lumbar new-study FOLDER`")
+
+
+def test_findings_of_one_kind_are_one_line_unless_details_are_asked_for(points, tmp_path):
+    spoilt = points
+    for label, start in (("C7", 200), ("T12", 300), ("L_SHOULDER", 400)):
+        spoilt = changed(spoilt, label, slice(start, start + 60), points[label][start])
+    write_recording(tmp_path / "frozen.c3d", spoilt, subject="expert")
+    report = lumbar.inspect(tmp_path / "frozen.c3d")
+    (counted,) = [line for line in report.lines() if line.startswith("left out: frozen")]
+    assert has_tokens(counted, "frozen × 3: C7, T12, L_SHOULDER…2.00 to 4.60 s")
+    assert sum(line.startswith("left out: frozen: ") for line in report.lines(details=True)) == 3

@@ -25,8 +25,8 @@ from lumbar.records.sampling import runs
 from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, OffsetPoint, PointBetween
 from lumbar.tables.table import Table, table_from_schema
 
-_MAX_MARKERS = 5
-"""Largest number of markers with gaps or findings of one kind in the text of the report."""
+_MAX_SHOWN = 5
+"""Largest number of markers with gaps, markers with findings of one kind, and events in the text of the report."""
 
 
 @dataclass(frozen=True)
@@ -97,14 +97,17 @@ class QualitySheet:
             counted = "; ".join(f"{count} × {reason}" for reason, count in reasons.most_common())
             lines.append(f"points that are not markers: {counted}")
         if self.events:
-            shown = ", ".join(f"{event.full_label} {event.time:.2f} s" for event in self.events)
-            lines.append(f"events in the file: {shown}")
+            times = [f"{event.full_label} {event.time:.2f} s" for event in self.events]
+            counts = Counter(event.full_label for event in self.events)
+            if not details and len(times) > _MAX_SHOWN:
+                times = [f"{label} × {count}" for label, count in counts.items()]
+            lines.append(f"events in the file: {', '.join(times)}")
         lines += [f"note: {note}" for note in self.notes]
         worst = [
             f"{gap.marker} {gap.longest_s:.2f} s from {gap.from_s:.2f} s ({gap.missing_share:.1%})"
-            for gap in self.gaps[:_MAX_MARKERS]
+            for gap in self.gaps[:_MAX_SHOWN]
         ]
-        more = f", and {len(self.gaps) - _MAX_MARKERS} more" if len(self.gaps) > _MAX_MARKERS else ""
+        more = f", and {len(self.gaps) - _MAX_SHOWN} more" if len(self.gaps) > _MAX_SHOWN else ""
         share = f"{self.missing_share:.2%} of all samples; longest of each: {', '.join(worst)}{more}"
         lines.append(f"gaps: {share if self.gaps else 'none'}")
         none = "findings: none" + (" in what could be checked" if self.unchecked else "")
@@ -125,7 +128,7 @@ def _describe_findings(findings: list[MarkerFinding]) -> str:
         return f"{first.outcome}: {first}"
     markers = Counter(marker for finding in findings for marker in finding.markers)
     shown = [
-        f"{marker} × {count}" if count > 1 else marker for marker, count in markers.most_common(_MAX_MARKERS)
+        f"{marker} × {count}" if count > 1 else marker for marker, count in markers.most_common(_MAX_SHOWN)
     ]
     more = f" and {len(markers) - len(shown)} more" if len(markers) > len(shown) else ""
     start, stop = (min(one.start_s for one in findings), max(one.start_s + one.length_s for one in findings))
