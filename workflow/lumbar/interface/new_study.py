@@ -294,5 +294,7 @@ def _alias_lines(sets: Sequence[MarkerSet]) -> list[str]:
         if name not in aliases and not (joints and purpose == _PURPOSES["SACRUM"]):
             lines.append(f"# {name}:  # not recognised; {purpose}")
     if not any(name.startswith("BOX_") for name in aliases):
-        lines.append("# BOX_1:  # no markers on the box recognised: the hands replace it")
+        has_hands = not {"L_WRIST", "R_WRIST"}.isdisjoint(aliases)
+        instead = "the hands replace it" if has_hands else "the events need it, or L_WRIST and R_WRIST"
+        lines.append(f"# BOX_1:  # no markers on the box recognised: {instead}")
     return lines
