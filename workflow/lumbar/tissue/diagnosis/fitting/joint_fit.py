@@ -164,7 +164,8 @@ _AT_BOUND = 1e-3
 _MAX_COMBINATIONS, _REFINED_STARTS = 256, 6
 """Largest number of combinations of starting values of a base; number of starts that are refined if a base has more."""
 _OTHER_STARTS = 12
-"""Largest number of starting values of a form that are refined if the best one leads to a bound of the model's parameters."""
+"""Number of starting values of a form of which every second one is refined if the best one leads to a bound of the model's
+parameters."""
 
 
 def fit(structure: Structure, data: FitData, start: np.ndarray) -> Fit:
@@ -380,15 +381,15 @@ def linear_with_new(previous: Fit, form: Form) -> np.ndarray:
 def add(previous: Fit, form: Form, data: FitData) -> Fit:
     """Refit a model with one more form, jointly, from its best starting value.
 
-    If a parameter of the model then is at a bound, e.g. a relaxation time that the form should have, other starting values are
-    tried. A model with a parallel form includes the smaller model: if the optimiser ends with a larger error, the smaller model
+    If this moves a parameter of the model to a bound, e.g. a relaxation time that the form should have, other starting values
+    are tried. A model with a parallel form includes the smaller model: if the optimiser ends with a larger error, the smaller model
     is returned as not converged. With another form a fit may be worse, and has then converged if a parameter is at a bound.
     """
     structure = previous.structure.with_form(form)
     starts = [np.concatenate([previous.nonlinear, start]) for _, start in screen(previous, form, data)]
     best, count = fit(structure, data, starts[0]), len(previous.nonlinear)
-    if _is_at_bound(best, data)[:count].any():
-        others = (fit(structure, data, start) for start in starts[1:_OTHER_STARTS])
+    if (_is_at_bound(best, data)[:count] & ~_is_at_bound(previous, data)).any():
+        others = (fit(structure, data, start) for start in starts[1:_OTHER_STARTS:2])
         best = min([best, *others], key=lambda item: item.squared_error)
     if best.squared_error <= previous.squared_error * (1 + 1e-6):
         return best
