@@ -382,8 +382,9 @@ def add(previous: Fit, form: Form, data: FitData) -> Fit:
     """Refit a model with one more form, jointly, from its best starting value.
 
     If this moves a parameter of the model to a bound, e.g. a relaxation time that the form should have, other starting values
-    are tried. A model with a parallel form includes the smaller model: if the optimiser ends with a larger error, the smaller model
-    is returned as not converged. With another form a fit may be worse, and has then converged if a parameter is at a bound.
+    are tried. A model with a parallel form includes the smaller model: if the optimiser ends with a larger error, the smaller
+    model is returned as not converged. With another form a fit may be worse, and has then converged if a parameter is at a
+    bound.
     """
     structure = previous.structure.with_form(form)
     starts = [np.concatenate([previous.nonlinear, start]) for _, start in screen(previous, form, data)]
