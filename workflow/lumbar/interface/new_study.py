@@ -22,7 +22,7 @@ from lumbar.records.marker_axes import BodyAxes, find_axes
 from lumbar.records.marker_file import NoMarkersError
 from lumbar.records.markers import METRES, MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
-from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers
+from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, PointBetween
 from lumbar.settings.lifting import ALIASES
 from lumbar.settings.validation import FILL_IN
 
@@ -85,10 +85,10 @@ def marker_set(recording: MarkerRecording) -> MarkerSet:
 
 def _is_available(term: Alias, known: Collection[str]) -> bool:
     """Return whether every marker of a rule is known."""
-    if isinstance(term, str):
-        return term in known
-    parts = term.mean if isinstance(term, MeanOfMarkers) else term.between
-    return all(_is_available(part, known) for part in parts)
+    if isinstance(term, MeanOfMarkers | PointBetween):
+        parts = term.mean if isinstance(term, MeanOfMarkers) else term.between
+        return all(_is_available(part, known) for part in parts)
+    return term in known
 
 
 def format_yaml(value: Alias | tuple[Alias, ...]) -> str:

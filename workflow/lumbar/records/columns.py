@@ -148,8 +148,8 @@ def _read_text(path: Path, layout: ColumnLayout) -> tuple[dict[str, np.ndarray],
         begins = first.line + (header is not None)
         lines = [line.rstrip("\r\n") for line in itertools.islice(stream_lines(path), begins - 1, None)]
         plain = read_format_numbers(lines, dialect, len(first.cells), begins)
-        is_whole = plain is not None and bool(np.isfinite(plain.values).all())
-        if is_whole and max(positions.values()) < len(first.cells):
+        is_wide = max(positions.values()) < len(first.cells)
+        if is_wide and plain is not None and np.isfinite(plain.values).all():
             values = {role: plain.values[:, position].copy() for role, position in positions.items()}
             return values, plain.lines
     table = read_numbers(rows, positions, str(path), dialect, width, may_be_empty=[TIME])

@@ -103,7 +103,7 @@ _COMPUTED = [
         re.compile(group.get("with", ".*"), re.IGNORECASE),
         group["reason"],
     )
-    for group in shipped_yaml(Path(__file__).with_name("computed_points.yaml"))
+    for group in shipped_yaml(Path(__file__).with_name("computed_points.yaml"))["points"]
 ]
 """Labels of computed points, labels of which the file must have one, and the reason to leave them out."""
 _CENTRE_OF_MASS = re.compile(r"^(Cent(re|er)OfMass(Floor)?|CoM|COM)$")
@@ -139,10 +139,10 @@ def split_points(
     axes = set().union(*(names for names in segments if names <= counts.keys()))
     computed = dict.fromkeys(axes, "computed segment axis")
     names = [label.rpartition(":")[2] for label in labels]
-    for pattern, needed, reason in _COMPUTED:
+    for pattern, needed, source in _COMPUTED:
         if any(needed.fullmatch(name) for name in names):
             computed |= {
-                label: reason for label, name in zip(labels, names, strict=True) if pattern.fullmatch(name)
+                label: source for label, name in zip(labels, names, strict=True) if pattern.fullmatch(name)
             }
     positions, model_points, dropped = {}, {}, {}
     for index, label in enumerate(labels):

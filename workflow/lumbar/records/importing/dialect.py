@@ -230,7 +230,7 @@ def _score_dialect(
     rows = [cells for cells in rows if len(cells) == width]
     if all(not cells[-1] for cells in rows):
         width, rows = width - 1, [cells[:-1] for cells in rows]
-    columns = [_ColumnCounts.count([cells[n] for cells in rows], decimal) for n in range(width)]
+    columns = [_ColumnCounts.count_cells([cells[n] for cells in rows], decimal) for n in range(width)]
     above = [cells for cells in split[: numeric.index(True)] if sum(map(bool, cells)) > 1][-MAX_HEADER_LINES:]
     dialects = [
         TableDialect(
@@ -258,7 +258,7 @@ class _ColumnCounts(NamedTuple):
     clocks: int
 
     @classmethod
-    def count(cls, cells: list[str], decimal: str) -> "_ColumnCounts":
+    def count_cells(cls, cells: list[str], decimal: str) -> "_ColumnCounts":
         numbers = sum(_is_number(cell, decimal) for cell in cells)
         blanks = sum(cell.casefold() in MISSING for cell in cells)
         return cls(len(cells), numbers, len(cells) - numbers - blanks, sum(":" in cell for cell in cells))

@@ -50,9 +50,8 @@ class PronySeries:
 
     def relaxation(self, time: np.ndarray) -> np.ndarray:
         """Return the stiffness at times after a step (s), in the force's unit per position's unit, in the shape of `time`."""
-        return self.equilibrium + sum(
-            stiffness * np.exp(-np.asarray(time) / tau) for stiffness, tau in self.terms
-        )
+        left = (stiffness * np.exp(-np.asarray(time) / tau) for stiffness, tau in self.terms)
+        return np.asarray(self.equilibrium + sum(left))
 
     def limit_terms(self, most: int) -> tuple[Self, float]:
         """Return the series with at most `most` terms, and its largest error as a share of the instantaneous stiffness.
@@ -87,7 +86,7 @@ class PronySeries:
         unit = f"{force}/{position}"
         stiffness = f"from {self.instantaneous:.6g} {unit} at once to {self.equilibrium:.6g} {unit}"
         lines = [f"Relaxation of {model.name}, times in s: {stiffness}."]
-        if model.structure.base.is_quasi_linear:
+        if isinstance(model.structure, Structure) and model.structure.base.is_quasi_linear:
             length = f"{model[LENGTH].value:.6g} {position}"
             lines.append(
                 f"Quasi-linear: these are slopes at 0 of an elastic force that grows as exp(|z|/{length}) - 1."
@@ -144,9 +143,9 @@ def prony_series(model: FittedModel) -> PronySeries:
     """
     structure = model.structure
     reason = _reason_against(structure)
-    if not reason:
+    if isinstance(structure, Structure) and not reason:
         forms = (structure.base.form, *structure.forms)
-        parts = [model.values_of(part) for part in (structure.base, *structure.forms)]
+        parts = [model.values_of(structure.base), *map(model.values_of, structure.forms)]
         numbers = [value for kind in (0, 1) for part in parts for value in part[kind]]
         balance = ForceBalance(forms)
         parameters = dict(zip(balance.parameters, map(float, numbers), strict=True))
