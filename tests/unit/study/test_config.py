@@ -264,6 +264,9 @@ def test_copy_of_subject_needs_its_own_name(config, folder):
     single = overlay(config, yaml.safe_load(text))
     assert has_tokens(refusal(load_study, single, folder, ["config/subjects/anna.yaml"]), problem)
     assert load_subject(alone).mass_kg == 61
+    copy.write_text("subject: {mass_kg: 61}", encoding="utf-8")
+    names = [f"config/subjects/{name}.yaml" for name in ("expert", "anna")]
+    assert load_study(single, folder, names).subjects["expert"].mass_kg == 61
     copy.write_text(
         text.replace("name: expert", "name: anna").replace(" mass_kg", " weight_kg"), encoding="utf-8"
     )

@@ -130,7 +130,8 @@ def _load_subjects(
     elif not LIFTED & set(settings.chapters):
         return {}, {}
     elif settings.subject:
-        for file in origins.files:
+        # A file that changes the subject of another one has no name.
+        for file in (file for file in origins.files if ("subject", "name") in file.lines):
             _check_copy(root / file.path, settings.subject.name, origins)
         return {settings.subject.name: settings.subject}, {settings.subject.name: origins}
     elif settings.data == TWIN and settings.twin.lifting.cohort:
