@@ -108,9 +108,10 @@ def reconsider_simulated_base(state: DiagnosisState) -> DiagnosisState:
         if again.result.model.score < model.score:
             return again
     if course == result.base.fit.structure.force_between:
-        return state.next(step, f"no other base explains the records better with {named}")
+        tried = "no other base" if state.settings.base == CHOSEN_BY_DATA else "no other course of the force"
+        return state.next(step, f"{tried} explains the records better with {named}")
     base = exchange_between(result.base, course, experiment)
-    reason = f"{course} between samples, the force explains the records better with {named}; effects are selected again"
+    reason = f"a force that is {course} between samples explains the records better with {named}; effects are selected again"
     return select_by_simulation(state.next(step, reason, base=base, path=[base]))
 
 

@@ -50,10 +50,9 @@ def fitted_model(candidate: Candidate, experiment: Experiment) -> FittedModel:
                 low, high, derived = item.low - item.value, item.high - item.value, item.name in turning
                 parameters[index] = replace(item, value=0.0, low=low, high=high, derived=derived)
     try:
-        elements = (
-            units[::-1] if isinstance(structure, ForwardStructure) else units
-        )  # always from position to force
-        derived, failure = derived_estimates(fit, training, *elements), ""
+        # Elements are springs and dashpots, from position to force, also if the force is the input.
+        between = units[::-1] if isinstance(structure, ForwardStructure) else units
+        derived, failure = derived_estimates(fit, training, *between), ""
     except NumericalError as error:
         derived, failure = [], str(error)
     # MRU (Eq. 3.16) from the intervals; a parameter at its bound 0, to rounding, has no relative uncertainty.
