@@ -11,7 +11,8 @@ import zlib
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import partial, reduce
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -33,6 +34,7 @@ from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import (
 )
 from lumbar.lifting.stability.model.pendulum_trajectories import THESIS, Failure, Trajectory, compute_together
 from lumbar.settings.lifting import StabilitySettings
+from lumbar.settings.section import Section
 from lumbar.tables.table import Table, columns_of, table_from_schema
 
 
@@ -192,7 +194,7 @@ def _compute(plans: Sequence[Plan], settings: StabilitySettings, seed: int) -> L
 def _find_remedy(
     plans: Sequence[Plan], failures: Sequence[Failure], settings: StabilitySettings, seed: int
 ) -> str:
-    """Return the first change of one key with which all basins are computed; empty if there is none."""
+    """Return the first change of one key with which all basins are computed, or an empty text."""
     lost = {(item.com, item.plane, item.basin) for item in failures}
     lost_plans = [
         (*plan, [item for item in items if (item.com, item.plane, f"{plan[1]}, {plan[2]}") in lost])
@@ -202,21 +204,23 @@ def _find_remedy(
     checks = tuple(check for check in settings.checks if check != "proof")
     attack = settings.attack.model_copy(update={"starts": 2})
     quick = settings.model_copy(update={"checks": checks, "attack": attack})
-    for (key, factors), section in zip(_REMEDIES.items(), (quick.regulator, quick, quick), strict=True):
-        name = key.rpartition(".")[2]
-        now = getattr(section, name)
+    for key, factors in _REMEDIES.items():
+        path = key.split(".")[1:]
+        now = reduce(getattr, path, quick)
         values = [type(now)(float(f"{now * factor:.2g}")) for factor in factors]
-
-        def trial(value: float, name: str = name, section=section) -> StabilitySettings:
-            change = {name: value}
-            return quick.model_copy(
-                update=change if section is quick else {"regulator": section.model_copy(update=change)}
-            )
-
-        first = bisect_left(values, True, key=lambda value: _is_computed(lost_plans, trial(value), seed))
-        if first < len(values) and _is_computed(plans, trial(values[first]), seed):
+        trials = [_replace_key(quick, path, value) for value in values]
+        first = bisect_left(trials, True, key=lambda trial: _is_computed(lost_plans, trial, seed))
+        if first < len(values) and _is_computed(plans, trials[first], seed):
             return f"{key} is now {now:g}: all are computed with {values[first]:g}"
     return ""
+
+
+def _replace_key(section: Section, path: Sequence[str], value: float) -> Any:
+    """Return settings with another value of one key."""
+    name, *rest = path
+    return section.model_copy(
+        update={name: _replace_key(getattr(section, name), rest, value) if rest else value}
+    )
 
 
 def _is_computed(plans: Sequence[Plan], settings: StabilitySettings, seed: int) -> bool:
