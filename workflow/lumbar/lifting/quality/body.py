@@ -24,7 +24,7 @@ TRUNK_SHARE = 0.265
 _SHOULDER_LEVEL = ("SHOULDER", "MANUBRIUM", "C7", "T1")
 _PELVIS = ("ASIS", "PSIS", "SACRUM")
 _FRONT = ("MANUBRIUM", "XIPHOID", "ASIS")
-_BODY = shipped_yaml(Path(__file__).with_name("landmarks.yaml"))
+_BODY = shipped_yaml(Path(__file__).with_name("body.yaml"))
 _VERTEBRA = re.compile(r"^([TL])(\d{1,2})$")
 
 
