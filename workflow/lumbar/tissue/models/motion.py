@@ -6,61 +6,20 @@ several axes. `lumbar.tissue.models.parameter.SIGNALS` defines the symbols of th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
 from lumbar.records.record import Record
 from lumbar.records.rests import find_levels
 from lumbar.tissue.models.corner_spline import corner_spline
+from lumbar.tissue.models.result_cache import ResultCache
 
-_MAX_LATEST = 8  # results of different parameters in a cache
 SUBSTEPS = 4
 """Number of steps per sample in which a motion that is not smooth is computed."""
-
-
-class ResultCache:
-    """Cache, owned by an object, of results that were computed from its data, e.g. forces on a motion."""
-
-    def __init__(self) -> None:
-        self._latest: dict[tuple[Hashable, bytes], Any] = {}
-        self._lasting: dict[Hashable, Any] = {}
-
-    def compute_at(self, name: Hashable, nonlinear: np.ndarray, compute: Callable[[], Any]) -> Any:
-        """Return the result of `compute`, cached for the latest few nonlinear parameters: fits change one at a time.
-
-        Parameters
-        ----------
-        name : hashable
-            Name of the result, unique in the cache.
-        nonlinear : numpy.ndarray, shape (nonlinear parameters,)
-            Parameters on which the result depends.
-        compute : callable
-            Function without arguments that computes the result.
-        """
-        key = name, np.asarray(nonlinear, dtype=float).tobytes()
-        result = self._latest.pop(key) if key in self._latest else compute()
-        self._latest[key] = result
-        if len(self._latest) > _MAX_LATEST:
-            del self._latest[next(iter(self._latest))]
-        return result
-
-    def compute_once(self, name: Hashable, compute: Callable[[], Any]) -> Any:
-        """Return the result of `compute`, cached for the lifetime of the object; it depends on no parameters.
-
-        Parameters
-        ----------
-        name : hashable
-            Name of the result, unique in the cache.
-        compute : callable
-            Function without arguments that computes the result.
-        """
-        if name not in self._lasting:
-            self._lasting[name] = compute()
-        return self._lasting[name]
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,8 @@ from lumbar.base.errors import InputError
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.finding import Finding
 from lumbar.tissue.diagnosis.noise.periods import find_period
-from lumbar.tissue.models.motion import JoinedMotions, Motion, ResultCache
+from lumbar.tissue.models.motion import JoinedMotions, Motion
+from lumbar.tissue.models.result_cache import ResultCache
 from lumbar.tissue.signals.spectrum import spectral_edge
 
 
