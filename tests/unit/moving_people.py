@@ -167,14 +167,14 @@ def move(angles: dict[str, np.ndarray], rate: float, stature: float) -> Points:
             for side, sign in (("L_", -1), ("R_", 1)) if place[0] else (("", 1),):
                 turning, origin, rest = placed[side + segment if side + segment in placed else segment]
                 points[side + site] = origin + turning.apply(size * np.array(place) * [sign, 1, 1] - rest)
-    # The foot that is lower carries the body: it stands still, and the body moves over it.
+    # The lower foot is the stance foot: it does not move on the floor.
     soles = np.stack([points[side + site] for side in ("L_", "R_") for site in ("heel", "toe")])
     share = np.exp(-(soles[..., 2] - soles[..., 2].min(axis=0)) / 0.01)
     share = gaussian_filter1d(share / share.sum(axis=0), 0.03 * rate, axis=1)[..., None]
-    way = -np.cumsum((share[:, 1:] * np.diff(soles, axis=1)).sum(axis=0), axis=0)
-    way = np.vstack([np.zeros(3), way])
-    way[:, 2] = gaussian_filter1d(-soles[..., 2].min(axis=0), 0.04 * rate) + angles["climb"]
-    return {name: places + way for name, places in points.items()}
+    shift = -np.cumsum((share[:, 1:] * np.diff(soles, axis=1)).sum(axis=0), axis=0)
+    shift = np.vstack([np.zeros(3), shift])
+    shift[:, 2] = gaussian_filter1d(-soles[..., 2].min(axis=0), 0.04 * rate) + angles["climb"]
+    return {name: places + shift for name, places in points.items()}
 
 
 def soften(points: Points, amount: float, rng: np.random.Generator) -> Points:
@@ -210,12 +210,12 @@ def hide(points: Points, shares: np.ndarray, rng: np.random.Generator, halves: b
     """Hide each marker in gaps of up to 40 frames; with `halves`, half of the markers in one half of the frames as well."""
     count, result = len(next(iter(points.values()))), {}
     for (label, places), share in zip(points.items(), shares, strict=True):
-        seen = places.copy()
+        visible = places.copy()
         for start in rng.integers(0, count, round(share * count / 20)):
-            seen[start : start + rng.integers(1, 40)] = np.nan
+            visible[start : start + rng.integers(1, 40)] = np.nan
         if halves and rng.random() < 0.5:
-            seen[: count // 2] = np.nan
-        result[label] = seen
+            visible[: count // 2] = np.nan
+        result[label] = visible
     return result
 
 

@@ -1,4 +1,4 @@
-"""Points that models and scripts write among the markers are no markers; without markers next to them they are kept."""
+"""Points that models and scripts compute are not used as markers, unless the file has no markers next to them."""
 
 import numpy as np
 import pytest

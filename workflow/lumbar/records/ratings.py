@@ -186,7 +186,7 @@ def _validate(
 
 
 def _number(cell: str) -> float:
-    """Return a rating with a decimal point or comma as a number; NaN if it is none."""
+    """Return a rating with a decimal point or comma as a number; NaN for any other text."""
     try:
         return float(cell.replace(",", "."))
     except ValueError:

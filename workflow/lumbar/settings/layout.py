@@ -144,8 +144,7 @@ class MarkerLayout(Section):
     subject_prefix: str = Field("strip", min_length=1)
     """Prefixes such as Subject:C7. strip: remove all; keep: remove none; a subject's name: remove only that one."""
     check_axes: bool = True
-    """true: up, forward and left/right are compared with the body; use false if the subject turns round or lies
-    down."""
+    """true: up, forward and left/right are compared with the body; use false if the subject lies down."""
     points: Literal["file", "skin", "joint_centres"] = "file"
     """skin: markers on the skin, from which joint centres are estimated; joint_centres: joint centres (of a
     suit or a camera), used as they are; file: joint centres for BVH, else skin."""

@@ -27,7 +27,7 @@ def friction():
 
 
 def test_one_of_few_candidates_is_named_and_a_worse_sensor_is_not_selected(monkeypatch):
-    """A model of the sensor that explains less than another set of effects is no explanation."""
+    """A model of the sensor is not selected if another set of effects explains more."""
     catalogue = {name: TISSUE[name] for name in ("hardening_stiffness", "quadratic_damping")}
     settings = DiagnosisSettings("KV-mass", train="train", catalogue=catalogue, most_effects=1, forward=True)
     records = forward_records("quadratic_damping")

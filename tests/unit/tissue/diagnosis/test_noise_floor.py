@@ -237,7 +237,7 @@ def test_impossible_period_is_rejected(period, message):
 
 
 def test_floors_of_hidden_effects(shared):
-    """Of experiments with known noise: all with drift, softening or a line, and every fourth other one."""
+    """Compare floors with the known noise: all experiments with drift, softening or a line, and every fourth other one."""
     labels = json.loads((shared / "hidden_effects" / "labels.json").read_text())
     kinds = {"drift": "drift", "softening": "amplitude change", "periodic_disturbance": "off-grid line"}
     ratios = []

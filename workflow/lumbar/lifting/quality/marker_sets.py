@@ -21,7 +21,7 @@ class LabelSet:
     choices: dict[str, list[tuple[str, ...]]]
     """Labels by landmark, the best choice first; of several labels the mean is the landmark."""
     others: frozenset[str]
-    """Labels of points that are no landmarks."""
+    """Labels of points that are not landmarks."""
     joints: bool
     """True if the points are joint centres instead of markers on the skin."""
     source: str
