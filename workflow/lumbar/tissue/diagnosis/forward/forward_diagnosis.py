@@ -149,7 +149,7 @@ def check_motion_sensor(state: DiagnosisState) -> DiagnosisState:
         changes = {"base": before, "path": [before, after], "explainable_share_removed": share}
         changes |= {"status": judge.status(after, [], share), "tied_with": []}
         changes |= {"refined_status": judge.refined_status(after, None)}
-        changes |= {"ranking": [*judge.ranking(after), *state.result.ranking]}
+        changes |= {"ranking": [*judge.ranking(after), *state.result.ranking], "tried": judge.tried}
         reason = f"{after.effects[-1]} of the sensor and linear dynamics leave {error}"
         return state.next(step, reason, **changes)
     return state.next(step, "no sensor that clips or gives the absolute value explains the records better")

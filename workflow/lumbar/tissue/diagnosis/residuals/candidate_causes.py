@@ -65,6 +65,20 @@ _CAUSES = {
     "constant offset": "a zero of the sensor or a mean force that the model lacks",
 }
 """Physical meaning of every cause that `rank_causes` compares."""
+CAUSE_EFFECTS = {
+    "time": ("drift", "softening", "periodic_disturbance", "hand_load", "moving_pivot"),
+    "position and velocity": (
+        *("coulomb_friction", "viscous_damping", "quadratic_damping", "depth_dependent_damping"),
+        *("drag", "variable_length"),
+    ),
+    "depth": (
+        *("hardening_stiffness", "quadratic_stiffness", "strain_softening", "contact_loss", "saturation"),
+        "passive_stiffness",
+    ),
+    "reversals": ("coulomb_friction", "hysteresis", "backlash"),
+    "linear dynamics": ("inertia", "delay", "second_relaxation", "viscous_damping"),
+}
+"""Effects that leave an error of each cause if a model lacks them, by name; a constant offset has none."""
 
 
 def causes_view(residual: Residual) -> View:

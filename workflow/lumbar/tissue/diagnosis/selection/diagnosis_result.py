@@ -93,6 +93,8 @@ class DiagnosisResult:
     """Alternatives that explain the data equally well."""
     ranking: list[Ranked] = field(default_factory=list)
     """Sets of effects with their evidence, best first."""
+    tried: list[Candidate] = field(default_factory=list)
+    """Best fit of every set of effects that the search tried, best first."""
     explainable_share_removed: float = 0.0
     """Share of the base's unseen error variance, without known noise, that the selected effects remove."""
     refined_status: Status = None

@@ -391,6 +391,7 @@ def find_ties(state: DiagnosisState) -> DiagnosisState:
         explainable_share_removed=share,
         further=further,
         ranking=selection.ranking(model),
+        tried=best_by_effect(selection.tried),
     )
 
 
