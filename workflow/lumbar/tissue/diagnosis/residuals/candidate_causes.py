@@ -66,17 +66,17 @@ _CAUSES = {
 }
 """Physical meaning of every cause that `rank_causes` compares."""
 CAUSE_EFFECTS = {
-    "time": ("drift", "softening", "periodic_disturbance", "hand_load", "moving_pivot"),
+    "time": ("softening", "drift", "periodic_disturbance", "hand_load", "variable_length", "moving_pivot"),
     "position and velocity": (
-        *("coulomb_friction", "viscous_damping", "quadratic_damping", "depth_dependent_damping"),
-        *("drag", "variable_length"),
+        *("coulomb_friction", "viscous_damping", "quadratic_damping", "depth_dependent_damping", "drag"),
+        *("variable_length", "contact_loss", "saturation"),
     ),
     "depth": (
         *("hardening_stiffness", "quadratic_stiffness", "strain_softening", "contact_loss", "saturation"),
-        "passive_stiffness",
+        *("passive_stiffness", "absolute_value"),
     ),
-    "reversals": ("coulomb_friction", "hysteresis", "backlash"),
-    "linear dynamics": ("inertia", "delay", "second_relaxation", "viscous_damping"),
+    "reversals": ("hysteresis", "coulomb_friction", "backlash"),
+    "linear dynamics": ("inertia", "delay", "second_relaxation", "relaxation_spectrum", "viscous_damping"),
 }
 """Effects that leave an error of each cause if a model lacks them, by name; a constant offset has none."""
 
@@ -247,6 +247,16 @@ class Cause:
     share_of_rest: float
     """Share of the error left by linear dynamics; equal to `share` for causes that are fitted first."""
 
+    @property
+    def is_notable(self) -> bool:
+        """True if the share is large enough to report."""
+        return self.share >= _MIN_SHARE
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects that leave such an error, in any catalogue, the most common first."""
+        return CAUSE_EFFECTS.get(self.name, ())
+
 
 def rank_causes(residuals: Sequence[Residual]) -> list[Cause]:
     """Return the causes in the order of their shares, the largest first.
@@ -351,7 +361,7 @@ def _mean_square_left(values: np.ndarray, linear: np.ndarray, groups: np.ndarray
 
 def causes_sentence(causes: Sequence[Cause], where: str, error: str) -> str:
     """Name the first cause, with its share of the `error`, and the next causes with their shares."""
-    notable = [item for item in causes if item.share >= _MIN_SHARE]
+    notable = [item for item in causes if item.is_notable]
     if not notable:
         return f"{where}: no cause that was tried accounts for the error."
     first, *others = notable
