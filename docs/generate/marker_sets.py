@@ -13,9 +13,10 @@ _HEAD = """\
 
 <!-- Made by "make docs" from workflow/lumbar/lifting/quality/marker_sets.yaml; change that. -->
 
-`lumbar inspect` and `lumbar new-study` recognise the labels of these sets. Case, punctuation, a subject's prefix (`Anna:LASI`,
-`Anna_LASI`) and numbers (`4 - L_Wrist`) do not count. *Labels*: labels of the source that name landmarks; *recognised*: the
-share that leads to the source's landmark when a file has all labels of the set; *other points*: labels that lead to none.
+`lumbar inspect`, `lumbar new-study`, and `lumbar lift` without a study recognise the labels of these sets. Case, accents,
+punctuation, a subject's prefix (`Anna:LASI`, `Anna_LASI`) and numbers (`4 - L_Wrist`) do not count. *Labels*: labels of the
+source that name landmarks; *recognised*: the share that leads to the source's landmark when a file has all labels of the set;
+*other points*: labels that lead to none.
 Other labels are matched with a list of common words (`L.Knee.Lat`, `wrist_radius`, `PSISr`).
 
 | set | labels | recognised | other points | source |

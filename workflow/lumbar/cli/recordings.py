@@ -126,7 +126,7 @@ def run_lift(options) -> None:
         options.subject,
         options.box_mass,
         trial=options.trial,
-        settings=study.lifting,
+        settings=study.lifting if options.config else None,
         static=options.static,
         source_label=options.data or options.markers.name,
     )

@@ -5,14 +5,13 @@ import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
 from lumbar.base.errors import InputError, NumericalError
 from lumbar.base.files import replacing
 from lumbar.interface.lift import Lift, lift
-from lumbar.interface.new_study import marker_set
+from lumbar.interface.new_study import recognise_settings
 from lumbar.interface.reading import read
 from lumbar.lifting.movement.lift_analysis import analyse_lift
 from lumbar.lifting.movement.rigid_filling import BodyFilling
@@ -26,11 +25,9 @@ from lumbar.lifting.quality.screening import (
     quality_sheet,
     sheet_of,
 )
-from lumbar.records.marker_aliases import KEEP, STRIP
 from lumbar.records.marker_axes import find_axes, rotation_to_standard
 from lumbar.records.markers import MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
-from lumbar.settings.layout import MarkerLayout
 from lumbar.settings.lifting import ALIASES, REFINING, LiftingSettings, SubjectSettings, TrialSettings
 
 _PLACEHOLDER_SUBJECT = SubjectSettings(
@@ -78,10 +75,13 @@ def inspect(
     path = Path(path)
     if path.is_dir():
         raise InputError(f"{path}: a folder; give the files in it, e.g. {path}/*.c3d")
-    # Without settings the labels and axes are recognised, with prefixes, because these may name a box.
-    chosen = settings or LiftingSettings(markers=MarkerLayout(subject_prefix=KEEP))
+    try:
+        chosen = settings or recognise_settings(path, height_m)
+        file = _read(path, chosen, height_m)
+    except InputError as error:
+        _reject_record(path, error)
+        raise
     layout = chosen.markers
-    file = _read(path, chosen, height_m)
     # The axes of the body, from the markers that are not left out, after the inverse of the settings' rotation.
     masked = mask_findings(file.screening.points, file.screening.findings)
     usable = {label: places for label, places in masked.items() if np.isfinite(places).any()}
@@ -94,18 +94,11 @@ def inspect(
     if not (body_axes and body_axes.forward):
         axes += f"; up {up} and forward {forward} are assumed"
     is_rotated = (up, forward) != (layout.up, layout.forward)
-    changes: dict[str, Any] = {"up": up, "forward": forward}
-    if settings is None:
-        found = marker_set(replace(file.recording, positions=usable))
-        changes |= {"aliases": found.aliases, "subject_prefix": STRIP}
-        changes |= {"points": "joint_centres"} if found.joints else {}
-    rotated = chosen.model_copy(update={"markers": layout.model_copy(update=changes)})
-    if settings is None:
-        chosen, file = rotated, _read(path, rotated, height_m)
     pipeline = _run_pipeline(path, file, chosen)
-    if is_rotated and settings is not None:
+    if is_rotated:
         axes += f", but up {layout.up} and forward {layout.forward} in the settings"
-        file = _read(path, rotated, height_m)
+        turned = layout.model_copy(update={"up": up, "forward": forward})
+        file = _read(path, chosen.model_copy(update={"markers": turned}), height_m)
     recording, screening = file.recording, file.screening
     return InspectionReport(
         sheet=quality_sheet(recording, screening.points, screening.findings, screening.unchecked),
@@ -113,7 +106,7 @@ def inspect(
         pipeline=pipeline,
         points=screening.points,
         time=recording.time,
-        meant=meant_labels(rotated.markers.aliases, screening.points),
+        meant=meant_labels(layout.aliases, screening.points),
         prefixes=recording.subjects,
         recognised=tuple(
             name
@@ -136,11 +129,7 @@ class _MarkerFile:
 def _read(path: Path, settings: LiftingSettings, height_m: float | None) -> _MarkerFile:
     screening, bodies = Screening(height_m, settings.markers.aliases, refuse=False), BodyFilling(settings)
     layout = settings.markers.model_copy(update={"required": (), "check_axes": False})
-    try:
-        recording = read_markers(path, layout, screen=screening, repair=bodies)
-    except InputError as error:
-        _reject_record(path, error)
-        raise
+    recording = read_markers(path, layout, screen=screening, repair=bodies)
     if set(screening.points) == {"position"}:  # the columns position_x_mm, … of a record
         _reject_record(path)
     return _MarkerFile(recording, screening, bodies)

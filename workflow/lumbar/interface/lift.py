@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lumbar.base.errors import InputError
+from lumbar.interface.new_study import recognise_settings
 from lumbar.interface.result import Result, data_label
 from lumbar.lifting.movement import events as event_rules
 from lumbar.lifting.movement import lift_analysis as lifting
@@ -51,7 +52,7 @@ def lift(
     name : str, optional
         Name of the lift; default the name of the trial, as in a study.
     settings : LiftingSettings, optional
-        Markers, events, pivot and segments.
+        Markers, events, pivot and segments; default the usual ones, with the labels and axes that are recognised in the file.
     static : path, optional
         Marker file of a static trial; default the subject's static trial, relative to the folder of the trial's file.
     source_label : str
@@ -82,7 +83,9 @@ def lift(
         given, markers = markers, markers.source or markers.name
     file = Path(markers)
     lift_name, trial = _find_trial(subject, file, box_mass_kg, trial)
-    name, settings = name or lift_name, (settings or LiftingSettings()).settings_for_trial(trial)
+    if settings is None:
+        settings = LiftingSettings() if given is not None else recognise_settings(file, subject.height_m)
+    name, settings = name or lift_name, settings.settings_for_trial(trial)
     static = static or (_find_static_file(subject, trial, file) if given is None else None)
     standing = None
     if static is not None:

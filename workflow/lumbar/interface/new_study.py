@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import TypeAdapter
 
 from lumbar.base.errors import InputError, LumbarError
@@ -16,14 +17,16 @@ from lumbar.base.files import sanitize_name, write_text
 from lumbar.base.templates import template
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.interface.reading import MARKER_ENDINGS
+from lumbar.lifting.quality.gate import mask_findings
 from lumbar.lifting.quality.marker_sets import recognise
-from lumbar.records.marker_aliases import labels_of, resolve_aliases
+from lumbar.lifting.quality.screening import Screening
+from lumbar.records.marker_aliases import KEEP, labels_of, resolve_aliases
 from lumbar.records.marker_axes import BodyAxes, find_axes
 from lumbar.records.marker_file import NoMarkersError
 from lumbar.records.markers import METRES, MarkerRecording, read_markers
 from lumbar.records.unpacking import ending_of
 from lumbar.settings.layout import Alias, MarkerLayout, MeanOfMarkers, PointBetween
-from lumbar.settings.lifting import ALIASES
+from lumbar.settings.lifting import ALIASES, LiftingSettings
 from lumbar.settings.validation import FILL_IN
 
 _BOX = re.compile(r"box|bo[iî]te|crate|kiste|caisse|load", re.IGNORECASE)
@@ -81,6 +84,33 @@ def marker_set(recording: MarkerRecording) -> MarkerSet:
     measured = {name: points[labels[0]] for name, labels in found.items()}
     unused = resolve_aliases(aliases, points, {}, {}, recording.source, []).unused
     return MarkerSet(aliases, find_axes(measured), recording.joints or kind.joints, unused)
+
+
+def recognise_settings(path: Path, height_m: float | None = None) -> LiftingSettings:
+    """Return settings with the labels and the axes that are recognised in a marker file.
+
+    Parameters
+    ----------
+    path : Path
+        C3D, TRC, CSV or BVH file.
+    height_m : float, optional
+        Stature of the subject, for the check of body lengths.
+    """
+    # With prefixes, because these may name a box.
+    layout = MarkerLayout(subject_prefix=KEEP, required=(), check_axes=False)
+    screening = Screening(height_m, {}, refuse=False)
+    recording = read_markers(path, layout, screen=screening)
+    masked = mask_findings(screening.points, screening.findings)
+    usable = {label: places for label, places in masked.items() if np.isfinite(places).any()}
+    found = marker_set(replace(recording, positions=usable))
+    layout = MarkerLayout(aliases=found.aliases, required=())
+    if found.joints:
+        layout = layout.model_copy(update={"points": "joint_centres"})
+    if found.axes:
+        forward = found.axes.forward or layout.forward
+        if forward[1] != found.axes.up[1]:
+            layout = layout.model_copy(update={"up": found.axes.up, "forward": forward})
+    return LiftingSettings(markers=layout)
 
 
 def _is_available(term: Alias, known: Collection[str]) -> bool:

@@ -3,8 +3,9 @@
 import json
 
 import numpy as np
+import pandas as pd
 import pytest
-from lifting_cases import write_recording
+from lifting_cases import example_lift, write_recording
 from quality_corruptions import changed, exchanged
 
 import lumbar
@@ -213,3 +214,33 @@ def test_findings_of_one_kind_are_one_line_unless_details_are_asked_for(points, 
     (counted,) = [line for line in report.lines() if line.startswith("left out: frozen")]
     assert has_tokens(counted, "frozen × 3: C7, T12, L_SHOULDER…2.00 to 4.60 s")
     assert sum(line.startswith("left out: frozen: ") for line in report.lines(details=True)) == 3
+
+
+def test_lift_without_settings_knows_labels_and_axes_of_other_laboratories(tmp_path):
+    subject = example_lift(tmp_path / "lift.c3d")
+    known = lumbar.lift(tmp_path / "lift.c3d", subject)
+    points = lumbar.read(tmp_path / "lift.c3d").positions
+    others = {
+        "MANUBRIUM": "SJN",
+        "XIPHOID": "SXS",
+        "SACRUM": "SACR",
+        "C7": "CV7",
+        "T8": "TV8",
+        "T12": "TV12",
+        "L5": "LV5",
+    }
+    of_sides = {
+        "ANKLE": "FAL",
+        "ASIS": "IAS",
+        "HEEL": "FCC",
+        "HIP": "FTC",
+        "PSIS": "IPS",
+        "SHOULDER": "SAJ",
+        "TOE": "FM2",
+    }
+    others |= {f"{side}_{name}": f"{side}_{label}" for name, label in of_sides.items() for side in "LR"}
+    to_y_up = [0, 2, 1]
+    turned = {others.get(name, name): places[:, to_y_up] * [1, 1, -1] for name, places in points.items()}
+    write_recording(tmp_path / "turned.c3d", turned)
+    found = lumbar.lift(tmp_path / "turned.c3d", subject, 15, trial=subject.trials[0])
+    pd.testing.assert_frame_equal(found.states, known.states, rtol=1e-3, atol=1e-5)

@@ -1,6 +1,7 @@
 """Landmarks of the body by the labels of common marker sets (marker_sets.yaml)."""
 
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -60,8 +61,8 @@ def _read_set(title: str, content: dict) -> LabelSet:
 
 
 def _simplify(label: str) -> str:
-    """Return a label without case and punctuation."""
-    return re.sub(r"[^A-Z0-9]", "", label.upper())
+    """Return a label without case, accents and punctuation."""
+    return re.sub(r"[^A-Z0-9]", "", unicodedata.normalize("NFKD", label.upper()))
 
 
 SETS = tuple(_read_set(title, content) for title, content in _DATA.items() if title != "thigh")
@@ -106,6 +107,8 @@ def landmarks(labels: Iterable[str], meant: dict[str, str] | None = None) -> dic
     --------
     >>> landmarks(["CV7", "TV8", "L_IAS", "PSISr", "whatever"])
     {'C7': 'CV7', 'T8': 'TV8', 'L_ASIS': 'L_IAS', 'R_PSIS': 'PSISr'}
+    >>> landmarks(["Hüfte_li", "Knie re", "C7"])
+    {'C7': 'C7', 'L_HIP': 'Hüfte_li', 'R_KNEE': 'Knie re'}
     >>> landmarks(["3 - L_Wrist", "4 - R.Knee.Lat", "5 - LeftAnkle"])
     {'L_WRIST': '3 - L_Wrist', 'R_KNEE': '4 - R.Knee.Lat', 'L_ANKLE': '5 - LeftAnkle'}
     """
