@@ -13,8 +13,8 @@ min_version("9.0")
 include: "workflow/rules/config_files.smk"
 
 
-configfile: "config/config.yaml"
-configfile: "config/twin.yaml"
+configfile: str(ROOT / "config/config.yaml")
+configfile: str(ROOT / "config/twin.yaml")
 
 
 include: "workflow/rules/common.smk"

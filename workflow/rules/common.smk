@@ -6,21 +6,26 @@ from pathlib import Path
 
 from snakemake.io import sourcecache_entry
 
-WORKFLOW = Path(workflow.basedir) / "workflow"
-sys.path.insert(0, str(WORKFLOW))
-
 from run.dependencies import library_code
 from run.jobs import job_size, remove_half_written, set_job_environment, warnings_in
-from lumbar.study.study import read_artefacts
-from lumbar.study.load_study import load_study
 from lumbar.base.errors import LumbarError
+from lumbar.base.yaml_file import shipped_yaml
+from lumbar.settings.validation import overlay
+from lumbar.study.load_study import DEFAULT_FILES, load_study
+from lumbar.study.study import read_artefacts
 
 set_job_environment(WORKFLOW)
 
+IMPORTED = Path(workflow.main_snakefile).resolve() != ROOT / "Snakefile"
+if IMPORTED:
+    # A module's `config:` keeps Snakemake from reading the default files. It overrides them, as a study's file does.
+    for path in reversed(DEFAULT_FILES):
+        config = overlay(shipped_yaml(ROOT / path), config)
 # Snakemake has merged these files, those of the command line last; messages name the line in the file.
 GIVEN = workflow.overwrite_configfiles
+FILES = [] if IMPORTED else [*workflow.configfiles[len(GIVEN) :], *GIVEN]
 try:
-    study = load_study(config, Path(workflow.basedir), [*workflow.configfiles[len(GIVEN) :], *GIVEN])
+    study = load_study(config, Path.cwd(), FILES, shipped=ROOT)
 except LumbarError as error:
     sys.exit(str(error))  # a WorkflowError would begin with this file and line, where nothing is wrong
 
@@ -34,7 +39,7 @@ def plain(section, include=None):
 
 STUDY = study.name
 ARTEFACTS = study.artefacts
-SHEET = {row.id: row for row in read_artefacts(Path(workflow.basedir) / "config" / "artefacts.tsv")}
+SHEET = {row.id: row for row in read_artefacts(ROOT / "config" / "artefacts.tsv")}
 CATEGORIES = {
     "twin": "0 Recordings",
     "surgeon": "1 Surgeon motion",
@@ -48,7 +53,7 @@ CATEGORIES = {
     "population": "8 People compared",
     "claims": "9 Claims",
 }
-CONDA = str(Path(workflow.basedir) / "envs" / "lumbar.yaml")
+CONDA = str(ROOT / "envs" / "lumbar.yaml")
 
 
 def DATA(wildcards):
@@ -68,9 +73,11 @@ def recording(path):
     return placed(study.recording(path))
 
 
-def source(path):
-    """Return a file of the workflow; it is not copied to the storage of the results."""
-    return sourcecache_entry(str(path), str(path))  # `local` would also keep the job from the cluster's nodes
+def source(path, folder=ROOT):
+    """Return a file of the workflow; it is not copied to the storage of the results, and may move with its folder."""
+    return sourcecache_entry(
+        str(folder / path), path
+    )  # `local` would also keep the job from the cluster's nodes
 
 
 def at_hand(path):
@@ -83,8 +90,8 @@ def address(path):
     return os.path.join(workflow.storage_settings.default_storage_prefix or "", path)
 
 
-EFFECT_FILES = [source(path) for path in settings.improvement.effect_files]
-BASE_FILES = [source(path) for path in sorted(set(settings.improvement.base_files.values()))]
+EFFECT_FILES = [source(path, Path.cwd()) for path in settings.improvement.effect_files]
+BASE_FILES = [source(path, Path.cwd()) for path in sorted(set(settings.improvement.base_files.values()))]
 
 
 def made(artefacts):

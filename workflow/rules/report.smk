@@ -14,10 +14,8 @@ rule report_page:
             for name in ("pendulum", "quality")
         ],
         failures="<results>/stability/failures.csv" if study.has("stability") else [],
-        sheet=source(Path(workflow.basedir) / "config" / "artefacts.tsv"),
-        captions=[
-            source(WORKFLOW / "report" / f"{artefact.id}.rst") for artefact in ARTEFACTS if artefact.label
-        ],
+        sheet=source("config/artefacts.tsv"),
+        captions=[source(f"workflow/report/{artefact.id}.rst") for artefact in ARTEFACTS if artefact.label],
     output:
         page="<results>/report.html",
     log:

@@ -5,7 +5,7 @@ from lumbar.study.study import HIP_MOMENTS, TWIN_HIP_MOMENT, TWIN_MARKERS
 
 rule twin_recordings:
     input:
-        answers=source(Path(workflow.basedir) / "resources" / "survey" / "survey_reconstructed.csv"),
+        answers=source("resources/survey/survey_reconstructed.csv"),
     output:
         surgeon=[f"<results>/twin/{record.file}" for record in settings.surgeon.records],
         two_hidden_effects=expand(

@@ -73,7 +73,7 @@ def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> Stud
     problems = Problems(str(results / "run_config.yaml"))
     config = read_yaml(results / "run_config.yaml", problems).content
     problems.raise_if_any()
-    study = load_study(config, project.resolve())
+    study = load_study(config, Path.cwd(), shipped=project.resolve())
     settings, claims_file = study.settings, results / "claims.csv"
     claims = pd.read_csv(claims_file) if claims_file.is_file() and study.has("claims") else None
     people = {

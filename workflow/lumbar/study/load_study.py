@@ -27,7 +27,14 @@ from lumbar.study.study import (
 )
 
 
-def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, trust: bool = False) -> Study:
+def load_study(
+    config: dict,
+    root: Path,
+    files: Sequence[str | Path] = (),
+    *,
+    trust: bool = False,
+    shipped: Path | None = None,
+) -> Study:
     """Check a merged configuration and return the study it describes.
 
     Parameters
@@ -35,12 +42,15 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
     config : dict
         Merged study and subject files.
     root : Path
-        Folder of the project, which contains the subject files.
+        Folder of the project, which contains the subject files. Relative names of files begin here.
     files : sequence of path
         The merged files, in their order: messages name their lines, and faults that merging hides, such as a duplicate
         key, are detected in them.
     trust : bool
         Whether effects in Python are run even if they are not in the project.
+    shipped : Path, optional
+        Folder of the workflow, if it is not that of the project: subject files and recordings that the project lacks, and the
+        sheet of artefacts.
 
     Raises
     ------
@@ -53,11 +63,12 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
     read = [read_yaml(path, problems, name) for path, name in zip(paths, names, strict=True)]
     origins = Origins(problems, read, config)
     settings = validate(config, StudySettings, origins)
-    subjects, sources = _load_subjects(config, settings, root, origins)
+    folders = (root,) if shipped in (None, root) else (root, shipped)
+    subjects, sources = _load_subjects(config, settings, folders, origins)
     if settings is not None:
         _check_chapters(settings, origins.add)
     if settings is not None and not trust:
-        _check_code(settings.improvement, paths, root, origins.add)
+        _check_code(settings.improvement, paths, folders, origins.add)
     problems.raise_if_any()
     chapters = settings.chapters
     has_lifts, has_axes = bool(LIFTED & set(chapters)), bool(settings.tissue.layout.axes)
@@ -70,12 +81,12 @@ def load_study(config: dict, root: Path, files: Sequence[str | Path] = (), *, tr
                 model=settings.runtime.models,
                 record_set=[entry.name for entry in settings.improvement.record_sets],
             )
-            for row in read_artefacts(root / "config" / "artefacts.tsv")
+            for row in read_artefacts(folders[-1] / "config" / "artefacts.tsv")
             if row.chapter in chapters
             and (not row.check or row.check in settings.stability.checks)
             and (row.rule not in OF_ONE_AXIS if has_axes else row.id not in OF_SEVERAL_AXES)
         ],
-        data_root=_data_root(settings, root, origins.add),
+        data_root=_data_root(settings, folders, origins.add),
         lifts={
             name: RecordedLift(subject, trial, content.static)
             for subject, content in subjects.items()
@@ -119,7 +130,7 @@ def _check_chapters(settings: StudySettings, add: Add) -> None:
 
 
 def _load_subjects(
-    config: dict, settings: StudySettings | None, root: Path, origins: Origins
+    config: dict, settings: StudySettings | None, folders: Sequence[Path], origins: Origins
 ) -> tuple[dict[str, SubjectSettings], dict[str, Origins]]:
     """Return the study's subjects and the origins of their files, by name, even if the configuration is wrong."""
     if settings is None:
@@ -132,7 +143,7 @@ def _load_subjects(
     elif settings.subject:
         # A file that changes the subject of another one has no name.
         for file in (file for file in origins.files if ("subject", "name") in file.lines):
-            _check_copy(root / file.path, settings.subject.name, origins)
+            _check_copy(folders[0] / file.path, settings.subject.name, origins)
         return {settings.subject.name: settings.subject}, {settings.subject.name: origins}
     elif settings.data == TWIN and settings.twin.lifting.cohort:
         from lumbar.twin.cohort import cohort_subjects
@@ -142,9 +153,11 @@ def _load_subjects(
         names = settings.lifting.subjects
     subjects, sources = {}, {}
     for number, name in enumerate(names):
-        path = root / "config" / "subjects" / f"{name}.yaml"
-        if not path.is_file():
-            known = ", ".join(sorted(item.stem for item in path.parent.glob("*.yaml")))
+        path = _find_first(folders, f"config/subjects/{name}.yaml")
+        if not path.exists():
+            known = ", ".join(
+                sorted(item.stem for at in folders for item in at.glob("config/subjects/*.yaml"))
+            )
             missing = f"no file config/subjects/{name}.yaml"
             origins.add(f"lifting.subjects.{number}", missing, f"there are: {known}")
             continue
@@ -192,7 +205,12 @@ def load_subject(path: str | os.PathLike) -> SubjectSettings:
     return subject
 
 
-def _data_root(settings: StudySettings, root: Path, add: Add) -> Path | str | None:
+def _find_first(folders: Sequence[Path], name: str) -> Path:
+    """Return the path below the first folder that contains it, else below the first folder."""
+    return next((folder / name for folder in folders if (folder / name).exists()), folders[0] / name)
+
+
+def _data_root(settings: StudySettings, folders: Sequence[Path], add: Add) -> Path | str | None:
     """Return the folder or address of the recordings; None if the twin makes the recordings or the folder is missing."""
     if settings.data == TWIN:
         return None
@@ -205,7 +223,7 @@ def _data_root(settings: StudySettings, root: Path, add: Add) -> Path | str | No
         return None
     if "://" in root_name:
         return root_name.rstrip("/")
-    folder = root / Path(root_name).expanduser()
+    folder = _find_first(folders, str(Path(root_name).expanduser()))
     if folder.is_dir():
         return folder.resolve()
     content = f"it should contain {source.name} (licence: {source.licence}); obtain it from {source.obtain}"
@@ -249,7 +267,7 @@ def load_settings(*files: str | os.PathLike, trust: bool = False) -> StudySettin
     places = [Path(), *(parent for path in reversed(files) for parent in path.resolve().parents)]
     improvement = _locate_files(settings.improvement, places)
     if not trust:
-        project = Path() if DEFAULT_FILES[0].is_file() else None
+        project = (Path(),) if DEFAULT_FILES[0].is_file() else ()
         _check_code(improvement, files, project, origins.add)
         problems.raise_if_any()
     check_effects(improvement, Path(), origins.add)
@@ -272,17 +290,17 @@ def _locate_files(improvement: ImprovementSettings, folders: Sequence[Path]) -> 
 
 
 def _check_code(
-    improvement: ImprovementSettings, files: Sequence[Path], project: Path | None, add: Add
+    improvement: ImprovementSettings, files: Sequence[Path], project: Sequence[Path], add: Add
 ) -> None:
-    """Check, before anything is run, that effects in Python and the `files` of settings are in the user's `project`.
+    """Check, before anything is run, that effects in Python and the `files` of settings are in the folders of the user's project.
 
-    A study from another person could otherwise run any code; an effect in YAML is data. `project` is None outside of any
-    project.
+    A study from another person could otherwise run any code; an effect in YAML is data. Outside of any project there is no
+    folder.
     """
-    folder = project and project.resolve()
+    folders = [folder.resolve() for folder in project]
     for number, effect in enumerate(improvement.effect_files):
-        paths = () if is_data(effect) else (*files, Path(project or "", effect))
-        foreign = [path for path in paths if folder is None or not path.resolve().is_relative_to(folder)]
+        paths = () if is_data(effect) else (*files, Path(*project[:1], effect))
+        foreign = [path for path in paths if not any(map(path.resolve().is_relative_to, folders))]
         if foreign:
             add(
                 f"improvement.effect_files.{number}",
