@@ -5,18 +5,26 @@ from ask_cases import CASES, ask, interval_checks, is_right, records_of
 
 import lumbar
 
-_REPEATED = ("none_isotropic_kb", "none_orthotropic_kb", "coulomb", "coulomb_hardening")
-_REPEATED += ("delay_quadratic_damping", "crosstalk", "unexcited")
-"""Cases that repeat effects, symmetries and sensors of others; only ``pytest -m acceptance`` tries them."""
+_NIGHTLY = (
+    "none_full_kb",
+    "hysteresis",
+    "inertia",
+    "drift",
+    "coulomb_drift",
+    "frame_coulomb",
+    "crosstalk_orthotropic",
+)
+_NIGHTLY += ("contact_plane", "two_axes")
+"""Cases of every symmetry and every turned sensor; only ``pytest -m acceptance`` tries the others."""
 _ASKED = [*((name, 1) for name in CASES), ("saturation", 3)]
 """Cases and seeds; with the last seed every channel clips at its own limit."""
 
 
-def marks_of(name):
-    return [pytest.mark.acceptance if name in _REPEATED else pytest.mark.nightly]
+def marks_of(name, seed):
+    return pytest.mark.nightly if name in _NIGHTLY or seed > 1 else pytest.mark.acceptance
 
 
-@pytest.mark.parametrize(("name", "seed"), [pytest.param(*item, marks=marks_of(item[0])) for item in _ASKED])
+@pytest.mark.parametrize(("name", "seed"), [pytest.param(*item, marks=marks_of(*item)) for item in _ASKED])
 def test_hidden_effects_are_named_with_covering_intervals(name, seed):
     answer, truth = ask(name, seed)
     assert is_right(CASES[name]["expected"], answer), answer.summary
@@ -27,8 +35,11 @@ def test_hidden_effects_are_named_with_covering_intervals(name, seed):
 
 @pytest.mark.parametrize(
     ("base", "seed"),
-    [pytest.param(*item, marks=pytest.mark.nightly) for item in [("LE", 2), ("KV", 2), ("KB", 13)]]
-    + [pytest.param(*item, marks=pytest.mark.acceptance) for item in [("LE", 4), ("KB", 2), ("KB", 14)]],
+    [pytest.param(*item, marks=pytest.mark.nightly) for item in [("KV", 2), ("KB", 13)]]
+    + [
+        pytest.param(*item, marks=pytest.mark.acceptance)
+        for item in [("LE", 2), ("LE", 4), ("KB", 2), ("KB", 14)]
+    ],
 )
 def test_friction_does_not_make_the_tissue_richer(base, seed, monkeypatch):
     # On these unseen records a slightly wrong form of friction is compensated by a dashpot, by axes and by another form.

@@ -296,9 +296,19 @@ def diagnosed(effect, seed, strength=8.0, columns=True, periodic=True):
     return experiment, diagnose(records_of(experiment.records), "pendulum")
 
 
-@pytest.mark.statistical
-@pytest.mark.parametrize("effect", EFFECTS)
-@pytest.mark.parametrize(("seed", "strength"), list(enumerate(STRENGTHS)))
+@pytest.mark.parametrize(
+    ("effect", "seed", "strength"),
+    [
+        pytest.param(
+            effect,
+            seed,
+            strength,
+            marks=pytest.mark.statistical if number % len(STRENGTHS) == seed else pytest.mark.acceptance,
+        )
+        for number, effect in enumerate(EFFECTS)
+        for seed, strength in enumerate(STRENGTHS)
+    ],
+)
 def test_pendulum_effect_is_named(effect, seed, strength):
     experiment, diagnosis = diagnosed(effect, seed, strength)
     assert (diagnosis.status, diagnosis.selected) == ("named", (effect,))

@@ -35,7 +35,7 @@ READINGS = [*product(permutations(range(3)), product((1, -1), repeat=3))]
 @pytest.mark.parametrize(
     ("order", "signs"),
     [
-        pytest.param(*reading, marks=[pytest.mark.nightly] * (number % 9 > 0))
+        pytest.param(*reading, marks=[pytest.mark.acceptance] * (number % 9 > 0))
         for number, reading in enumerate(READINGS[1:])
     ],
 )
