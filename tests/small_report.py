@@ -43,9 +43,14 @@ def make_results(folder: Path) -> Path:
     results = folder / "results" / "small"
     for name in ("tables", "figures", "captions", "tissue", "logs/export", "checked", "stability"):
         (results / name).mkdir(parents=True)
-    names = ["trained_on", *(f"long_name_of_a_measure_{number}_mm" for number in range(24))]
+    names = [
+        "trained_on",
+        "model",
+        "vaf_percent",
+        *(f"long_name_of_a_measure_{number}_mm" for number in range(24)),
+    ]
     frame = pd.DataFrame({name: [10.0**row for row in range(-4, 4)] for name in names})
-    frame["trained_on"] = "noise"
+    frame["trained_on"], frame["model"] = "noise", "KB"
     for number in range(7):
         frame[f"remark_{number}"] = "an explanation of inhomogeneously distributed words " * 3
     names = list(frame.columns)

@@ -19,14 +19,29 @@ def report(tmp_path_factory):
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_report_is_for_everybody_at_every_width_and_its_chapters_stay_in_sight(browser, report, scheme):
+def test_report_is_accessible_and_fits_every_width(browser, report, scheme):
     page = browser.new_page(color_scheme=scheme)
+    for anchor in ("", "#chapter-tissue"):
+        page.goto(f"{report}{anchor}")
+        fits(page, *WIDTHS)
+        assert serious(page) == []
+    page.close()
+
+
+def test_first_screen_leads_to_one_chapter_at_a_time(browser, report):
+    page = browser.new_page(viewport={"width": 1440, "height": 900})
     page.goto(report)
-    fits(page, *WIDTHS)
-    assert serious(page) == []
-    for link in page.locator(".contents a").all():
-        link.click()
-        assert page.locator(".contents").bounding_box()["y"] == pytest.approx(0, abs=60)
+    assert page.locator(".results a").first.bounding_box()["y"] < 300
+    cards = page.locator("article:visible")
+    # One picture for every artefact with a title, whether it was made once or for every lift.
+    assert cards.count() == 5 and "1.0" not in page.locator("footer").inner_text()
+    first = page.get_by_role("link", name="Table 3.1", exact=True)
+    assert first.bounding_box()["y"] < 900
+    first.click()
+    assert page.locator(".chapter:visible").count() == 1 and page.locator("#overview").is_hidden()
+    assert page.locator("#table_3_1 h3").bounding_box()["y"] < 200
+    page.go_back()
+    assert cards.count() == 5
     page.close()
 
 

@@ -1,4 +1,4 @@
-# The report: one page with every table and figure of the study, what fails or warns first. It works offline.
+# The report: one page with every table and figure of the study. It works offline.
 
 
 rule report_page:
@@ -8,10 +8,10 @@ rule report_page:
         environment="<results>/run_environment.json",
         checked=[f"<results>/checked/{chapter}.json" for chapter in RECORDED_CHAPTERS],
         facts=[
-            f"<results>/lifting/{lift}/{name}.json"
+            f"<results>/lifting/{lift}/{name}"
             for lift in study.lifts
             if study.has("lifting")
-            for name in ("pendulum", "quality")
+            for name in ("pendulum.json", "quality.json", "body.csv")
         ],
         failures="<results>/stability/failures.csv" if study.has("stability") else [],
         sheet=source("config/artefacts.tsv"),

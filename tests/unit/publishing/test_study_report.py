@@ -3,13 +3,18 @@
 import pkgutil
 import re
 from html import unescape
+from xml.etree import ElementTree
 
+import pandas as pd
 import pytest
 
 from generate.equation_index import equations
 from generate.thesis_items import read_items
+from lumbar.publishing.figures.style import new_figure, save
+from lumbar.publishing.pages.sketches import ladder_sketch, lift_sketch
 from lumbar.publishing.reproduction.claim import CANNOT_BE_TESTED, DOES_NOT_HOLD, HOLDS
 from lumbar.publishing.study_report.contents import chapters, compare_cells, shorten_svg
+from lumbar.publishing.study_report.main_results import main_results
 from lumbar.publishing.study_report.report_page import FAILS, WARNS, troubles
 from lumbar.study.study import read_artefacts
 from small_report import CHOICES, CLAIMS, SHEET, make_results, page_of
@@ -43,22 +48,30 @@ def test_cells_are_compared_with_published_values():
     assert compare_cells(rows, "table_4_1") is None
 
 
-def test_failures_precede_warnings(results, page):
+def test_troubles_are_grouped_and_failures_precede_warnings(results, page):
     result = troubles(results)
-    assert [(item.grade, item.where) for item in result] == [
-        (FAILS, "diagnosis of two"),
-        (FAILS, "a 1 kg, thorax, lateral bending"),
-        (FAILS, "KB_fmi3.fmu"),
-        (FAILS, "MW_fmi3.fmu"),
-        (WARNS, "diagnosis of one"),
-        (WARNS, "diagnosis of two"),
-        (WARNS, "diagnosis of two"),
-        (WARNS, "export/fmu"),
-    ]
-    assert result[-1].sentence == "not safe:\n  MW is unstable\n  raise the rate"
-    texts = ("exact: ρ is negative", 'href="#state-claims">1 ', "MW is unstable")
-    first = [page.index(text) for text in texts]
-    assert first == sorted(first) and first[-1] < page.index('id="chapter-tissue"')
+    assert {kind: [(item.grade, item.where) for item in items] for kind, items in result.items()} == {
+        "Diagnoses": [
+            (FAILS, "diagnosis of two"),
+            *[(WARNS, f"diagnosis of {name}") for name in ("one", "two", "two")],
+        ],
+        "Basins of attraction": [(FAILS, "a 1 kg, thorax, lateral bending")],
+        "FMUs": [(FAILS, "KB_fmi3.fmu"), (FAILS, "MW_fmi3.fmu")],
+        "Logs": [(WARNS, "export/fmu")],
+    }
+    assert result["Logs"][0].sentence == "not safe:\n  MW is unstable\n  raise the rate"
+    overview = page[page.index('id="overview"') : page.index('id="chapter-tissue"')]
+    assert "1 failed, 3 remarks" in overview and "MW is unstable" not in overview
+    assert "1 sentence of the thesis</a> not reproduced by this run, and 1 numbers" in overview
+
+
+def test_main_results_are_computed(results, page):
+    first, second = main_results(results, ["diagnoses-one", "diagnoses-two"], CLAIMS)
+    assert (first.key, first.figures) == ("diagnoses-one", "0.4 → 0.123 N")
+    assert "KB model on unseen records of “one”, without and with inertia" in first.sentence
+    assert (second.key, second.figures) == ("state-claims", "1 of 2")
+    assert main_results(results, [], None) == []
+    assert "0.4 → 0.123 N" in page
 
 
 def test_report_links_every_file_and_loads_nothing(results, page):
@@ -69,17 +82,47 @@ def test_report_links_every_file_and_loads_nothing(results, page):
     assert all(link in written or "basins" in link or "run_config" in link for link in links)
     targets = set(re.findall(r'href="#([^"]+)"', page))
     assert targets <= set(re.findall(r'id="([^"]+)"', page)) | {"claims_table"}
-    assert "http" not in page and "<script" not in page and set(re.findall(r'src="(.{5})', page)) == {"data:"}
+    assert "<script" not in page and set(re.findall(r'src="(.{5})', page)) == {"data:"}
+    assert not re.search(r'(src|href)="?(https?:)?//|url\(["\']?https?:|@import', page)
 
 
 def test_report_is_reproducible(results, page):
     assert page_of(results) == page
 
 
-def test_svg_is_shortened_to_hundredths_of_a_point():
-    svg = '<svg>\n   <path id="a1.23456" d="M 1.23456 -0.00012 L 12.5 3"/>\n  <text>1.23456</text>\n</svg>\n'
-    short = '<svg>\n<path id="a1.23456" d="M 1.23 -0 L 12.5 3"/>\n<text>1.23456</text>\n</svg>\n'
-    assert shorten_svg(svg) == short
+def test_shortened_svg_keeps_texts_and_formulas(tmp_path):
+    figure, axis = new_figure(3.0, 2.0)
+    axis.plot([0, 1 / 3], [0, 2 / 3])
+    axis.set_title("Force & $x_1$")
+    axis.set_ylabel("Position (mm)")
+    save(figure, tmp_path / "a", "synthetic twin")
+    long = (tmp_path / "a.svg").read_text(encoding="utf-8")
+    short = shorten_svg(long)
+    tree = ElementTree.fromstring(short)
+    texts = [item.text for item in tree.iter("{http://www.w3.org/2000/svg}text")]
+    assert {"Position (mm)", "0.3", "Data: synthetic twin"} <= set(texts) and len(short) < 0.6 * len(long)
+    assert "Force & $x_1$" not in texts
+    used = set(re.findall(r'xlink:href="#([^"]+)"', short))
+    assert used and used <= set(re.findall(r' id="([^"]+)"', short))
+
+
+def test_sketches_show_what_is_known():
+    bars = ladder_sketch(
+        {"ladder": [{"test_rms": 2.0}, {"test_rms": None}, {"test_rms": 1.0}], "noise_floor_rms": 1.0}
+    )
+    heights = [float(value) for value in re.findall(r'height="([\d.]+)"', bars)]
+    assert heights[0] == 2 * heights[1] and "<path" in bars
+    assert ladder_sketch({"ladder": [{}], "noise_floor_rms": None}) == ""
+    points = {"L4L5": [0.0, 1.0], "L5S1": [0.0, 0.8], "LOAD": [0.4, 0.5]}
+    body = pd.DataFrame(
+        {
+            f"{name}_{axis}_m": [value] * 9
+            for name, at in points.items()
+            for axis, value in zip("xyz", [0.0, *at], strict=True)
+        }
+    )
+    assert lift_sketch(body).count("<polyline") == 3 and lift_sketch(body).count("<circle") == 3
+    assert lift_sketch(body[["LOAD_x_m", "LOAD_y_m", "LOAD_z_m"]]) == ""
 
 
 def test_artefacts_cite_known_equations(project):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import math
 import os
 import re
@@ -12,6 +11,9 @@ from fnmatch import fnmatchcase
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+from markupsafe import Markup
 
 from lumbar.base.errors import NumericalError
 from lumbar.base.files import write_text
@@ -47,7 +49,7 @@ _PREAMBLE = (
 _TABLE_NUMBER = re.compile(r"^Table \d+\.\d+[.:,]? *(as |the )?")
 
 
-def svg_address(text: str) -> str:
+def svg_address(text: str) -> Markup:
     """Return an SVG file's text as the ``data:`` address of an image.
 
     Parameters
@@ -55,7 +57,9 @@ def svg_address(text: str) -> str:
     text : str
         Content of the file.
     """
-    return f"data:image/svg+xml;base64,{base64.b64encode(text.encode()).decode('ascii')}"
+    # Shorter than base64 by a quarter; an address within double quotes contains none.
+    single = text if "'" in text else text.replace('"', "'")
+    return Markup("data:image/svg+xml," + quote(single, safe=" <>=:;/'(),!*+|[]{}@$^"))
 
 
 @dataclass(frozen=True, repr=False)

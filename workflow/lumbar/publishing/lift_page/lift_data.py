@@ -10,8 +10,7 @@ import pandas as pd
 from lumbar.lifting.measures.balance import corners_around
 from lumbar.lifting.measures.course import CORNERS, base_from_course
 from lumbar.lifting.movement.centre_of_mass import COMS
-from lumbar.lifting.movement.joint_centres import MID_HIP
-from lumbar.lifting.movement.lift_tables import HEAD, LOAD, WHOLE_BODY, com_of, points_of
+from lumbar.lifting.movement.lift_tables import LOAD, WHOLE_BODY, com_of, points_of
 from lumbar.lifting.movement.pendulum_states import PLANES
 from lumbar.lifting.stability.funnel.exact_funnel import exact_funnels
 from lumbar.lifting.stability.model.eqs_4_1_to_4_4_closed_loop import close_loops
@@ -46,23 +45,8 @@ class LiftTables:
 
 MAX_FRAMES, MAX_FRAMES_PER_S = 1500, 60
 """Largest number of frames of a page, in total and per second; of longer lifts every second, third, … frame is drawn."""
-LEFT, RIGHT, MIDDLE = "left", "right", "middle"
-_LIMBS = (("SHOULDER", "ELBOW", "WRIST"), ("KNEE", "ANKLE"), ("ANKLE", "HEEL", "TOE", "ANKLE"))
-_TRUNK = (HEAD, "C7T1", "T12L1", "L4L5", "L5S1", MID_HIP)
 BALANCE = ("com_x_m", "com_y_m", "xcom_x_m", "xcom_y_m", "margin_of_stability_m", "smallest_impulse_N_s")
 """Columns of the course that the page shows."""
-
-
-def stick_figure(points) -> list[dict]:
-    """Return the lines of the stick figure through the known points, each with its side."""
-    lines = [(MIDDLE, list(_TRUNK))]
-    for side, letter in ((LEFT, "L"), (RIGHT, "R")):
-        limbs = [[f"{letter}_{name}" for name in limb] for limb in _LIMBS]
-        limbs[0].insert(0, "C7T1")
-        limbs[1].insert(0, MID_HIP)
-        lines += [(side, limb) for limb in limbs]
-    known = [(side, [name for name in line if name in points]) for side, line in lines]
-    return [{"side": side, "points": line} for side, line in known if len(set(line)) > 1]
 
 
 def body_columns(lift: LiftTables, frames: slice) -> dict[str, np.ndarray]:

@@ -35,6 +35,7 @@ from lumbar.publishing.figures.lifting_figures import EVENT_LABELS
 from lumbar.publishing.figures.stability_figures import PLANE_TITLES
 from lumbar.publishing.figures.style import MEASURED, SEGMENTS, SERIES
 from lumbar.publishing.lift_page import lift_data
+from lumbar.publishing.pages.sketches import stick_figure
 from lumbar.settings.lifting import StabilitySettings
 
 GREY, GOAL, PUSHED = "#888888", SERIES[3], SERIES[4]
@@ -337,7 +338,7 @@ class LiftPage:
         starts = [0, *(np.flatnonzero(phase[1:] != phase[:-1]) + 1)]
         ends = zip(starts, [*starts[1:], len(time) - 1], strict=True)
         return {
-            "chains": lift_data.stick_figure(points),
+            "chains": stick_figure(points),
             "centres": self._centres,
             "segments": {com: {"colour": colour, "dash": DASHES[com]} for com, colour in SEGMENTS.items()},
             "phases": [(str(phase[i]), float(time[i]), float(time[j])) for i, j in ends],

@@ -3,7 +3,7 @@
 import itertools
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import unescape
 from pathlib import Path
 
@@ -11,12 +11,24 @@ import pandas as pd
 
 from lumbar.base.files import read_json
 from lumbar.publishing.figures.style import SUBJECT_PREFIX
+from lumbar.publishing.pages.sketches import ladder_sketch, lift_sketch
+from lumbar.publishing.study_report.main_results import find_clearest_diagnosis
 from lumbar.study.study import Artefact
 from lumbar.tables.table import svg_address
 from lumbar.tables.table_layout import column_in_words, scientific, split_number, unit_in_print
 
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _LENGTHS = re.compile(r'(?<=\s)(?:d|points|x|y|cx|cy)="[^"]*"')
+_GLYPH = re.compile(r'<path id="([^"]+-[^"]+)"[^>]*/>')
+_TEXT = re.compile(
+    r'<!-- (?P<text>[^$]*?) -->\s*<g (?:style="(?P<style>[^"]*)" )?transform="(?P<place>[^"]*) '
+    r'scale\((?P<scale>[\d.]+) -[\d.]+\)">(?P<outlines>.*?)</g>',
+    flags=re.S,
+)
+_UNUSED = re.compile(
+    r'<metadata>.*?</metadata>|<!--.*?-->|<defs>\s*</defs>|(?<=<g) id="[^"]*"| style=""', flags=re.S
+)
+_FONT = "<style>text{font-family:Arimo,Arial,Liberation Sans,Helvetica,sans-serif}</style>"
 _DESCRIPTION = re.compile(r"<dc:description>(.*?)</dc:description>", flags=re.S)
 _SIZE = re.compile(r'<svg\b[^>]*?\bviewBox="[\d.+-]+ [\d.+-]+ ([\d.]+) ([\d.]+)"', flags=re.S)
 
@@ -48,26 +60,42 @@ def _read_picture(path: Path) -> Picture:
 
 
 def shorten_svg(svg: str) -> str:
-    """Round the lengths in an SVG text to hundredths of a point and remove its indentation, to save a third of the text."""
+    """Shorten an SVG file by Matplotlib to a third: texts without formulas become texts again, lengths get a decimal.
+
+    The texts need a font as wide as Arial, which most systems have. Metadata, comments, names of groups and indentation are
+    removed, and glyphs that no text uses any more.
+    """
+    glyphs = {glyph[1]: glyph[0] for glyph in _GLYPH.finditer(svg)}
+
+    def write_text(found: re.Match) -> str:
+        bold = ' font-weight="bold"' if "-Bold-" in found["outlines"] else ""
+        look = f'font-size="{100 * float(found["scale"]):g}"{bold} style="{found["style"] or ""}"'
+        return f'<text transform="{found["place"]}" {look}>{found["text"]}</text>'
 
     def shorten(number: re.Match) -> str:
-        return f"{float(number[0]):.2f}".rstrip("0").rstrip(".")
+        return f"{float(number[0]):.1f}".rstrip("0").rstrip(".")
 
-    rounded = _LENGTHS.sub(lambda attribute: _NUMBER.sub(shorten, attribute[0]), svg)
-    return re.sub(r"\s*\n\s*", "\n", rounded)
+    drawn = _TEXT.sub(write_text, _GLYPH.sub("", svg[svg.index("<svg") :]))
+    drawn = _UNUSED.sub("", drawn)
+    used = "".join(glyph for name, glyph in glyphs.items() if f'"#{name}"' in drawn)
+    head, end, rest = _LENGTHS.sub(lambda lengths: _NUMBER.sub(shorten, lengths[0]), drawn).partition(">")
+    return re.sub(r"\s+", " ", f"{head}{end}{_FONT}<defs>{used}</defs>{rest}").replace("> <", "><")
 
 
+_OUTLINE = ("figure_1_1", "figure_3_1")
+"""Artefacts without data that show how the thesis is organised, under a heading of their own."""
 CHAPTERS: dict[str, tuple[str, str]] = {
+    "outline": ("Outline of the thesis", "Chapters 1 and 3"),
     "surgeon": ("Surgeon motion", "Chapter 3, Sections 3.2.3.1 and 3.2.4.1"),
     "signals": ("Signal design", "Chapter 3, Section 3.2.3.1"),
     "tissue": ("System identification", "Chapters 2 and 3, Sections 2.2.3 and 3.2.4.1"),
-    "improvement": ("Improvement of the models", "beyond the thesis"),
+    "improvement": ("Improvement of the models", "Beyond the thesis"),
     "runtime": ("Haptic runtime", "Chapter 3, Section 3.2.3.2"),
     "survey": ("Survey", "Chapter 3, Section 3.2.4.2"),
     "lifting": ("Lifting", "Chapter 4, Section 4.2.3.1"),
     "stability": ("Basins of attraction", "Chapter 4, Sections 4.2.3 to 4.2.5"),
-    "population": ("People compared", "beyond the thesis"),
-    "claims": ("Claims", "all chapters"),
+    "population": ("People compared", "Beyond the thesis"),
+    "claims": ("Claims", "All chapters"),
 }
 """Title of each chapter of a study and its sections in the thesis, in the report's order."""
 _MAIN = re.compile(r"<main>(.*)</main>", flags=re.S)
@@ -96,6 +124,10 @@ class Entry:
     """HTML of a published table; empty for other entries."""
     page: str = ""
     """Path of an interactive page below the study's results; may be empty."""
+    sketch: str = ""
+    """Small picture of an interactive page, as HTML."""
+    repeated: bool = False
+    """True for all entries of an artefact but the first."""
     sentence: str = ""
     """Result in one sentence; may be empty."""
     files: tuple[str, ...] = ()
@@ -134,8 +166,14 @@ def chapters(
     and ``{model}``, each with its title; `claims` is ``claims.csv``.
     """
     contents = []
+    # The record set with the clearest diagnosis comes first.
+    clearest, sets = find_clearest_diagnosis(results), choices.get("record_set", {})
+    sets_in_order = sorted(sets, key=lambda name: clearest is None or name != clearest[0])
+    choices = choices | {"record_set": {name: sets[name] for name in sets_in_order}}
     claim_rows = [] if claims is None else list(claims.itertuples())
-    for name, rows in itertools.groupby(sheet, key=lambda row: row.chapter):
+    for name, rows in itertools.groupby(
+        sheet, key=lambda row: "outline" if row.id in _OUTLINE else row.chapter
+    ):
         entries, files = [], []
         for artefact in rows:
             paths = set(_paths(artefact, choices))
@@ -143,17 +181,16 @@ def chapters(
                 text = (captions / f"{artefact.id}.rst").read_text(encoding="utf-8")
                 caption = " ".join(text.split()).replace("``", "").replace("*", "")
                 names = [name for name in choices if f"{{{name}}}" in artefact.label]
-                for values in itertools.islice(
-                    itertools.product(*(choices[name] for name in names)), MAX_ENTRIES
-                ):
+                every = itertools.product(*(choices[name] for name in names))
+                for number, values in enumerate(itertools.islice(every, MAX_ENTRIES)):
                     choice = dict(zip(names, values, strict=True))
-                    entries.append(_entry(results, artefact, choice, caption, choices, claim_rows))
+                    entry = _entry(results, artefact, choice, caption, choices, claim_rows)
+                    entries.append(replace(entry, repeated=number > 0))
                     paths -= set(entries[-1].files)
             if paths:
                 files.append((artefact, tuple(path for path in _paths(artefact, choices) if path in paths)))
         # Entries of one record set follow one another.
-        sets = list(choices.get("record_set", ()))
-        entries.sort(key=lambda entry: sets.index(entry.record_set) if entry.record_set else 0)
+        entries.sort(key=lambda entry: sets_in_order.index(entry.record_set) if entry.record_set else 0)
         contents.append(Chapter(name, *CHAPTERS[name], tuple(entries), tuple(files)))
     return contents
 
@@ -184,7 +221,13 @@ def _entry(
         next((path for path in files if path.endswith(ending)), "")
         for ending in (".svg", ".html", "diagnosis.json")
     )
-    picture = _read_picture(results / svg) if svg else None
+    picture, sketch = _read_picture(results / svg) if svg else None, ""
+    if verdict:
+        diagnosis = read_json(results / verdict)
+        sketch = ladder_sketch(diagnosis)
+    body = results / "lifting" / choice.get("lift", "") / "body.csv"
+    if html and body.is_file():
+        sketch = lift_sketch(pd.read_csv(body))
     is_table = bool(html) and any(path.endswith(".tex") for path in files)
     text = (results / html).read_text(encoding="utf-8") if is_table else ""
     inner, stated = _MAIN.search(text), _DATA.search(text)
@@ -205,7 +248,8 @@ def _entry(
         picture=picture,
         table=inner[1] if inner else "",
         page="" if is_table else html,
-        sentence=diagnosis_sentence(read_json(results / verdict)) if verdict else "",
+        sketch=sketch,
+        sentence=diagnosis_sentence(diagnosis) if verdict else "",
         files=files,
         claims=tuple(claims),
         cells=compare_cells(claim_rows, artefact.id),

@@ -1,4 +1,4 @@
-"""Report of a study as one self-contained HTML page that begins with failures and warnings."""
+"""Report of a study as one self-contained HTML page: main results, failures, a grid of all artefacts, and the chapters."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -12,6 +12,7 @@ from lumbar.base.files import read_json
 from lumbar.base.templates import template
 from lumbar.publishing.reproduction.claim import DOES_NOT_HOLD
 from lumbar.publishing.study_report.contents import Chapter, format_value
+from lumbar.publishing.study_report.main_results import main_results
 from lumbar.tables.table_layout import split_number
 
 FAILS, WARNS = "fails", "warns"
@@ -66,28 +67,16 @@ def _spell_out(name: str) -> str:
     return name.replace("_", " ")
 
 
-def troubles(results: Path) -> list[Trouble]:
-    """Return the failures, then the warnings."""
-    every = [
-        Trouble(FAILS if "(error)" in finding else WARNS, _spell_out(item["name"]), finding)
-        for item in recordings(results)
-        for finding in item["findings"]
-    ]
-    for part in (_lift_troubles, _diagnosis_troubles, _basin_troubles):
-        every += part(results)
-    for row in _rows(results / "runtime" / "fmu_check.csv").itertuples():
-        if row.schema_problems:
-            every.append(Trouble(FAILS, row.file, f"{row.schema_problems} problems found by fmpy"))
-        if row.relative_error > row.tolerance:
-            sentence = f"off its model by {row.relative_error:.2g} (allowed: {row.tolerance:.2g})"
-            every.append(Trouble(FAILS, row.file, sentence))
-    # Warnings that stages wrote to their logs.
-    for path in sorted((results / "logs").rglob("*.log")):
-        stage = path.relative_to(results / "logs").with_suffix("")
-        if stage.parts[0] not in _STAGES_WITH_FILES:
-            warnings = _WARNING.findall(path.read_text(encoding="utf-8"))
-            every += [Trouble(WARNS, _spell_out(stage.as_posix()), text.strip()) for text in warnings]
-    return sorted(dict.fromkeys(every), key=lambda item: item.grade != FAILS)
+def troubles(results: Path) -> dict[str, list[Trouble]]:
+    """Return the troubles of a study's results by kind, failures before warnings; kinds without troubles are left out."""
+    every = {kind: dict.fromkeys(part(results)) for kind, part in _TROUBLES.items()}
+    return {kind: sorted(some, key=lambda item: item.grade != FAILS) for kind, some in every.items() if some}
+
+
+def _recording_troubles(results: Path) -> Iterator[Trouble]:
+    for item in recordings(results):
+        for finding in item["findings"]:
+            yield Trouble(FAILS if "(error)" in finding else WARNS, _spell_out(item["name"]), finding)
 
 
 def _lift_troubles(results: Path) -> Iterator[Trouble]:
@@ -138,6 +127,34 @@ def _basin_troubles(results: Path) -> Iterator[Trouble]:
         yield Trouble(WARNS, "basins", sentence)
 
 
+def _fmu_troubles(results: Path) -> Iterator[Trouble]:
+    for row in _rows(results / "runtime" / "fmu_check.csv").itertuples():
+        if row.schema_problems:
+            yield Trouble(FAILS, row.file, f"{row.schema_problems} problems found by fmpy")
+        if row.relative_error > row.tolerance:
+            sentence = f"off its model by {row.relative_error:.2g} (allowed: {row.tolerance:.2g})"
+            yield Trouble(FAILS, row.file, sentence)
+
+
+def _log_troubles(results: Path) -> Iterator[Trouble]:
+    for path in sorted((results / "logs").rglob("*.log")):
+        stage = path.relative_to(results / "logs").with_suffix("")
+        if stage.parts[0] not in _STAGES_WITH_FILES:
+            for text in _WARNING.findall(path.read_text(encoding="utf-8")):
+                yield Trouble(WARNS, _spell_out(stage.as_posix()), text.strip())
+
+
+_TROUBLES = {
+    "Recordings": _recording_troubles,
+    "Lifts": _lift_troubles,
+    "Diagnoses": _diagnosis_troubles,
+    "Basins of attraction": _basin_troubles,
+    "FMUs": _fmu_troubles,
+    "Logs": _log_troubles,
+}
+"""Function that yields the troubles of each kind from a study's results."""
+
+
 def _rows(path: Path) -> pd.DataFrame:
     """Return the rows of a table of the results; empty if the table was not made."""
     return pd.read_csv(path) if path.is_file() else pd.DataFrame()
@@ -155,21 +172,19 @@ def report_page(
     ``seed`` and ``versions`` by package. `results` is ``results/<study>``, `made` the contents of the page, `claims` is
     ``claims.csv``.
     """
-    every = troubles(results)
     rows = [] if claims is None else list(claims[claims["verdict"] == DOES_NOT_HOLD].itertuples())
     entries = [entry for chapter in made for entry in chapter.entries]
     return template(PAGE).render(
         facts=facts,
         chapters=made,
-        told=[(entry.key, entry.title, entry.sentence) for entry in entries if entry.sentence],
-        failing=[item for item in every if item.grade == FAILS],
-        warning=[item for item in every if item.grade != FAILS],
+        anchors=[*(f"chapter-{chapter.name}" for chapter in made), "state"],
+        main_results=main_results(results, (entry.key for entry in entries), claims),
+        troubles=troubles(results),
         recordings=recordings(results),
         sentences=[row for row in rows if not row.claim.startswith("table_")],
         cells=[row for row in rows if row.claim.startswith("table_")],
-        counted=() if claims is None else list(claims["verdict"].value_counts().items()),
+        counted={} if claims is None else claims["verdict"].value_counts().to_dict(),
         missing=[entry for entry in entries if entry.missing],
-        pages=[entry for entry in entries if entry.page],
         split=split_number,
         format_value=format_value,
     )

@@ -1,0 +1,94 @@
+"""Main results at the head of a study's report, computed from its results."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from lumbar.base.files import read_json
+from lumbar.publishing.reproduction.claim import BUILT_IN, CANNOT_BE_TESTED, DOES_NOT_HOLD, HOLDS
+from lumbar.tables.table_layout import unit_in_print, value_in_words
+
+MAX_RESULTS = 3
+
+
+@dataclass(frozen=True)
+class MainResult:
+    """One main result of a study."""
+
+    key: str
+    """Anchor of the artefact with the details, as in ``#key``."""
+    figures: str
+    """Numbers of the result with their unit."""
+    sentence: str
+
+
+def find_clearest_diagnosis(results: Path) -> tuple[str, dict] | None:
+    """Return record set and ``diagnosis.json`` with the largest share of the base model's error removed; None without any."""
+    found = []
+    for path in sorted(results.glob("improvement/*/diagnosis.json")):
+        diagnosis = read_json(path)
+        first, last = (diagnosis["ladder"][step].get("test_rms") for step in (0, -1))
+        if diagnosis["selected"] and first is not None and last is not None and last < first:
+            found.append((1 - last / first, path.parent.name, diagnosis))
+    return max(found, key=lambda item: item[0])[1:] if found else None
+
+
+def _diagnosis_result(results: Path) -> Iterator[MainResult]:
+    clearest = find_clearest_diagnosis(results)
+    if clearest is not None:
+        name, diagnosis = clearest
+        first, last = (diagnosis["ladder"][step]["test_rms"] for step in (0, -1))
+        effects = " and ".join(value_in_words(effect) for effect in diagnosis["selected"])
+        yield MainResult(
+            f"diagnoses-{name}",
+            f"{first:.3g} → {last:.3g} {unit_in_print(diagnosis['unit'])}",
+            f"error of the {diagnosis['base']} model on unseen records of “{value_in_words(name)}”, without and with {effects}",
+        )
+
+
+def _claims_result(claims: pd.DataFrame) -> Iterator[MainResult]:
+    sentences = claims[~claims["claim"].str.startswith("table_")]["verdict"].value_counts()
+    holds, differs, built_in, open_ones = (
+        int(sentences.get(verdict, 0)) for verdict in (HOLDS, DOES_NOT_HOLD, BUILT_IN, CANNOT_BE_TESTED)
+    )
+    if holds + differs:
+        rest = f"{built_in} were built into the data, and {open_ones} cannot be tested on it"
+        sentence = f"sentences of the thesis that this data can test are reproduced; {rest}"
+        yield MainResult("state-claims", f"{holds} of {holds + differs}", sentence)
+
+
+def _basins_result(results: Path) -> Iterator[MainResult]:
+    path = results / "stability" / "boa.csv"
+    if not path.is_file():
+        return
+    counts = pd.read_csv(path).groupby("method")[["exits", "simulated_starts"]].sum().astype(int)
+    exits, starts = counts.loc["exact"] if "exact" in counts.index else (0, 0)
+    if not starts:
+        return
+    sentence = "simulated starts leave their basin with the exact ρ(t)"
+    if "thesis" in counts.index and (others := counts.loc["thesis"])["simulated_starts"]:
+        sentence += f"; {others['exits']} of {others['simulated_starts']} leave it by the thesis's method"
+    yield MainResult("basin_comparison", f"{exits} of {starts}", sentence)
+
+
+def _models_result(results: Path) -> Iterator[MainResult]:
+    path = results / "tables" / "table_3_1.csv"
+    if path.is_file():
+        best = (table := pd.read_csv(path)).loc[table["vaf_percent"].idxmax()]
+        model = f"the {best['model']} model trained on {best['trained_on']}"
+        sentence = f"of the force's variance explained by {model}, the best of Table 3.1"
+        yield MainResult("table_3_1", f"{best['vaf_percent']:.3g} %", sentence)
+
+
+def main_results(results: Path, keys: Iterable[str], claims: pd.DataFrame | None) -> Sequence[MainResult]:
+    """Return up to `MAX_RESULTS` main results of a study with details under one of the anchors `keys`."""
+    every = [
+        *_diagnosis_result(results),
+        *(() if claims is None else _claims_result(claims)),
+        *_basins_result(results),
+        *_models_result(results),
+    ]
+    known = {*keys, "state-claims"}
+    return [item for item in every if item.key in known][:MAX_RESULTS]
