@@ -34,8 +34,6 @@ from lumbar.lifting.stability.percent_differences import (
 )
 from lumbar.tables.table import Table, columns_of, table_from_schema
 
-THESIS_DECIMALS = 1
-"""Decimals of a percentage by the thesis's method; the `eqs_4_5_to_4_7_alternation.RESOLUTION` of areas changes it by tenths."""
 MOVEMENT_SHARE = 0.5
 """Least share of a difference from the movement (not from duration, mass and length) for the difference to survive."""
 
@@ -90,7 +88,7 @@ def _first_table(study: ComparedLifts, differences: dict[str, list[dict]], missi
             entry[f"{plane}_published_percent"] = published[f"{plane}_percent"].get(here, np.nan)
             if "thesis_method" in settings.checks:
                 value = differences["thesis_method"][index][plane]
-                entry[f"{plane}_thesis_method_percent"] = round(value, THESIS_DECIMALS)
+                entry[f"{plane}_thesis_method_percent"] = _round_to_points(value)
             entry[f"{plane}_headline_percent"] = row[plane]
         rows.append(entry | {"status": row["status"]})
     frame = pd.DataFrame(rows)
@@ -110,10 +108,14 @@ def _first_table(study: ComparedLifts, differences: dict[str, list[dict]], missi
         f"{row.basin}: {row.reason}"
         for row in missing.itertuples()
     ]
-    first = tuple(name for name in shown if not name.endswith("thesis_method_percent"))
     return table_from_schema(
-        "lifting/stability", "table_4_1", frame, study.source_label, fields, notes=notes, first=first
+        "lifting/stability", "table_4_1", frame, study.source_label, fields, notes=notes, first=tuple(shown)
     )
+
+
+def _round_to_points(percent: float) -> float:
+    """Round a percentage by the thesis's method: the `RESOLUTION` of its areas is a percent."""
+    return round(percent, 0) + 0.0  # no negative zero
 
 
 def _controls_table(
@@ -263,21 +265,22 @@ def alternations_table(study: ComparedLifts) -> Table:
             entry = {"comparison": row["comparison"], "com": row["com"], "plane": plane}
             here = row["comparison"], row["com"]
             entry["published_percent"] = published[f"{plane}_percent"].get(here, np.nan)
-            entry |= {f"{name}_percent": float(percents[name][index][plane]) for name in ("exact", *columns)}
+            entry["exact_percent"] = float(percents["exact"][index][plane])
+            entry |= {f"{name}_percent": _round_to_points(percents[name][index][plane]) for name in columns}
             rows.append(entry)
     frame = pd.DataFrame(rows)
     # Converged, the method would give the same after one alternation or four.
     other = 4 if done < 4 else 1
     change = (frame[f"after_{other}_percent"] - frame["thesis_percent"]).abs().max()
-    moves = f"a cell changes by {change:.3g} percentage points, the alternation has not converged"
-    moves = moves if change >= 0.5 * 10**-THESIS_DECIMALS else "no cell changes"
+    moves = f"a cell changes by {change:.0f} percentage points, the alternation has not converged"
+    moves = moves if change else "no cell changes by a whole point"
     converged = f"{other} alternation{'s' if other > 1 else ''} in place of {done}: {moves}"
     notes = [_jumps_note(areas), _sizes_note(frame, done), converged]
     if len(areas):
         digits = (10.0 ** -decimals(area, RESOLUTION["mean_area"]) / area for area in areas["mean_area"])
         notes.append(
-            "Areas by the thesis's method are rounded to the digits that a solver's tolerance allows (boa.csv); the last digit "
-            f"is up to {100 * max(digits):.1f} % of an area: smaller differences by that method are not significant"
+            "Percentages by the thesis's method are in whole points: a solver's tolerance changes its areas by up to "
+            f"{100 * RESOLUTION['mean_area']:g} %, and they are rounded (boa.csv) in steps of up to {100 * max(digits):.1f} %"
         )
     return table_from_schema(
         "lifting/stability",
@@ -301,7 +304,7 @@ def _jumps_note(areas: pd.DataFrame) -> str:
             knots = f"1 knot at {row.first_jump:.3f} T"
         each.append(
             f"{row.subject} {row.box_mass_kg:g} kg, {row.com}, {row.plane.replace('_', ' ')}: {knots}, by up to "
-            f"{row.largest_jump:.2g}, mean area {100 * (row.mean_area / row.mean_area_after_1 - 1):+.1f} %"
+            f"{row.largest_jump:.2g}, mean area {100 * (row.mean_area / row.mean_area_after_1 - 1):+.0f} %"
         )
     return (
         f"In {len(moved)} of {len(areas)} basins some knots have a multiplier again after the first alternation, and ρ grows "
@@ -319,6 +322,6 @@ def _sizes_note(frame: pd.DataFrame, done: int) -> str:
         }
         sizes.append(
             f"{plane.replace('_', ' ')}: {largest['published']:.1f} % published, {largest['exact']:.1f} exact, "
-            f"{largest['after_1']:.1f} after 1 alternation, {largest['thesis']:.1f} after {done}"
+            f"{largest['after_1']:.0f} after 1 alternation, {largest['thesis']:.0f} after {done}"
         )
     return f"Largest difference, {'; '.join(sizes)}"
