@@ -12,6 +12,7 @@ import yaml
 from asking import ask, serving, text_of
 
 import lumbar
+from lumbar.base.errors import InputError
 from lumbar.page_server.background import THREAD_NAME
 from lumbar.page_server.index import Index
 from lumbar.page_server.own_recordings import UploadDiagnosis
@@ -124,6 +125,10 @@ def must_not_be_made():
     raise AssertionError("a verdict that is there was computed again")
 
 
+def refuse_record():
+    raise InputError("others.csv: no column of force")
+
+
 @pytest.fixture(scope="module")
 def results(explored, tmp_path_factory):
     """Results of a study: a report, a diagnosis of the records, settings, and a link out of it."""
@@ -155,7 +160,7 @@ def door(results, recording, saved_lift, tmp_path_factory):
     sets = ServedSets(
         [
             ExploredSet("records", must_not_be_made, Path("out"), stored=stored),
-            ExploredSet("others", must_not_be_made, Path("out")),
+            ExploredSet("others", must_not_be_made, Path("out"), read_first=refuse_record),
         ]
     )
     (folder := tmp_path_factory.mktemp("lifts") / "a_lift").symlink_to(saved_lift[0])

@@ -180,12 +180,14 @@ def index_of(door) -> str:
     return door(headers["Location"])[2]
 
 
-def test_index_links_all_pages_and_shows_the_state_of_sets(door):
+def test_index_begins_with_files_and_shows_sets_without_their_result(door):
     page = index_of(door)
     for address in ("/records", "/others", "/lifts/a_lift", "/_results/report.html", "/_own"):
         assert f'href="{address}"' in page
-    assert page.count("coulomb friction") == 1
-    assert 'id="choose"' in page  # files can be dropped
+    assert page.index('id="choose"') < page.index('href="/records"')  # files are dropped before all else
+    assert page.count('class="sketch"') == 3  # ladder, lift and report; the other set cannot be read
+    assert "Error of the KB model: " in page and "coulomb friction" not in page
+    assert "others.csv: no column of force" in page
 
 
 @pytest.mark.parametrize(

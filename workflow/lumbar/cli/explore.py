@@ -73,10 +73,10 @@ def _index(options) -> tuple[Index, UploadDiagnosis]:
     """Return the index of the study or folder in the options, and the diagnosis of the user's recordings."""
     target, results, lifts, first = options.target, None, [], INDEX
     output = options.output or EXPLORED
-    make = partial(
-        lumbar.diagnose, example_records(), settings=fit_settings(options), source_label="synthetic example"
-    )
-    example = ExploredSet("_example", make, output / "example", title="an example to try")
+    records = example_records()
+    make = partial(lumbar.diagnose, records, settings=fit_settings(options), source_label="synthetic example")
+    title = "an example to try"
+    example = ExploredSet("_example", make, output / "example", title=title, read_first=lambda: records[0])
     if target is None and not DEFAULT_FILES[0].is_file():
         place, sets, settings = "Your own recordings", [], fit_settings(options)
     elif target is None or not target.is_dir():
@@ -93,7 +93,8 @@ def _index(options) -> tuple[Index, UploadDiagnosis]:
         options.folder, place = target, target.resolve().name
         fit = fit_arguments(options)
         settings, folder = fit["settings"], options.output or EXPLORED / place  # one folder per target
-        sets = [ExploredSet("records", partial(lumbar.diagnose, **fit), folder, title=str(target))]
+        make, read = partial(lumbar.diagnose, **fit), lambda: fit["records"][0]
+        sets = [ExploredSet("records", make, folder, title=str(target), read_first=read)]
         first = f"/{sets[0].name}"
     # Each of the user's files is an experiment, not a part of one session.
     improvement = settings.improvement.model_copy(update={"session": False})
@@ -118,9 +119,18 @@ def _study_sets(options) -> tuple[Study, list[ExploredSet]]:
             study.settings.model_dump(mode="json"),
             [*map(Path, paths), options.target or DEFAULT_FILES[0], *DEFAULT_FILES],
         )
-        make = partial(_diagnose_set, study, name, paths)
-        sets.append(ExploredSet(name, make, (options.output or EXPLORED) / study.name / name, stored=stored))
+        output = (options.output or EXPLORED) / study.name / name
+        make, read = partial(_diagnose_set, study, name, paths), None
+        if Path(paths[0]).is_file():
+            read = partial(_read_first, study, name, paths)
+        sets.append(ExploredSet(name, make, output, stored=stored, read_first=read))
     return study, sets
+
+
+def _read_first(study: Study, name: str, paths: list[str]) -> Record:
+    """Return the first record of a set."""
+    entry = record_set(study.settings, name)
+    return read_listed(paths[:1], entry.records[:1], *set_layout(study.settings, name))[0]
 
 
 def _diagnose_set(study: Study, name: str, paths: list[str]):

@@ -7,10 +7,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from markupsafe import Markup
 from tornado.httputil import HTTPServerRequest
 from tornado.routing import Matcher, PathMatches, Rule
 from tornado.web import HTTPError, RequestHandler
 
+from lumbar.base.errors import InputError
 from lumbar.base.files import read_json
 from lumbar.base.templates import template
 from lumbar.page_server.background import page_message, run_in_background
@@ -56,15 +58,18 @@ class Index:
         report = [(self.report, "Report")] if self.report else []
         return {"place": self.place, "menu": [(INDEX, "All pages"), *report, (OWN, "Your own recordings")]}
 
-    def entries(self, with_state: bool = False) -> dict[str, Any]:
-        """Return the entries of the index, with the state of every set if requested, for which the verdicts are read."""
+    def entries(self, with_sketches: bool = False) -> dict[str, Any]:
+        """Return the entries of the index; if requested, with a small picture of each and the state of every set."""
         return {
             **self.bar,
             "sets": [
-                (address, item.title, _state_of(item) if with_state else "")
+                (address, item.title, *(_show_set(item) if with_sketches else ("", "")))
                 for address, item in self.sets.named.items()
             ],
-            "lifts": [(lift.address, lift.name.replace("_", " ")) for lift in self.lifts],
+            "lifts": [
+                (lift.address, lift.name.replace("_", " "), lift.sketch if with_sketches else "")
+                for lift in self.lifts
+            ],
             "report": self.report,
             "study": self.results is not None,
         }
@@ -93,20 +98,28 @@ class Index:
         ]
 
 
-def _state_of(explored: ExploredSet) -> str:
-    """Return the state of a set without computing anything."""
-    if explored.ready or explored.html:
-        return explored.diagnosis.headline
-    if explored.stored is not None and explored.stored.is_current:
-        # Imported here because the server listens before Matplotlib is imported.
-        from lumbar.publishing.study_report.contents import diagnosis_sentence
+def _show_set(explored: ExploredSet) -> tuple[Markup, str]:
+    """Return a small picture of a set and its state, without a diagnosis: the page of the set names the missing effects."""
+    # Imported here because the server listens before the pictures' libraries are imported.
+    from lumbar.publishing.pages.sketches import ladder_sketch
+    from lumbar.publishing.study_report.main_results import format_fall
 
-        return diagnosis_sentence(read_json(explored.stored.folder / "diagnosis.json"))
+    stored, diagnosis = explored.stored, None
+    if explored.ready or explored.html:
+        diagnosis = explored.diagnosis.result.to_json()
+    elif stored is not None and stored.is_current:
+        diagnosis = read_json(stored.folder / "diagnosis.json")
+    if diagnosis is not None:
+        return ladder_sketch(diagnosis), f"Error of the {diagnosis['base']} model: {format_fall(diagnosis)}"
+    state = "Not diagnosed yet: opening does so"
     if explored.job is not None and not explored.job.done:
-        return "Being diagnosed."
-    if explored.stored is not None and explored.stored.page.is_file():
-        return "Settings or recordings have changed since it was diagnosed: opening it diagnoses it again."
-    return "Not diagnosed yet: opening it does so."
+        state = "Being diagnosed"
+    elif stored is not None and stored.page.is_file():
+        state = "Settings or recordings have changed: opening diagnoses it again"
+    try:
+        return explored.sketch, state
+    except InputError as error:
+        return Markup(""), page_message(error)
 
 
 class IndexedHandler(RequestHandler):

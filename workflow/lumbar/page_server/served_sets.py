@@ -12,12 +12,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
+import pandas as pd
+from markupsafe import Markup
+
 from lumbar.base.errors import InputError, Problems
 from lumbar.base.files import refuse_links
 from lumbar.base.progress import notify_progress
 from lumbar.base.yaml_file import read_yaml
 from lumbar.interface.lift_page import lift_page
 from lumbar.page_server.background import DRAWING, WRITING, Job, page_message
+from lumbar.page_server.recording_preview import curve_points
 from lumbar.publishing.explorer.explorer_page import ExplorerPage, excitation_facts, model_facts
 from lumbar.publishing.explorer.page_data import PageModel, model_key
 from lumbar.settings.lifting import StabilitySettings
@@ -27,6 +31,7 @@ from lumbar.tissue.diagnosis.evidence.evidence import machine_limits
 if TYPE_CHECKING:
     from lumbar.interface.diagnosis import Diagnosis
     from lumbar.interface.refinement import Refinement
+    from lumbar.records.record import Record
 
 
 @dataclass(frozen=True)
@@ -71,6 +76,8 @@ class ExploredSet:
     """Title on terminal and pages; default the name, with blanks."""
     stored: StoredVerdict | None = None
     """Stored diagnosis of a finished study."""
+    read_first: Callable[[], Record] | None = None
+    """Function that returns a record of the set for its picture; None for no picture."""
     job: Job | None = None
     html: str = ""
     """HTML page of a diagnosis that has no interactive page; empty until it is made."""
@@ -86,6 +93,16 @@ class ExploredSet:
     def diagnosis(self) -> Diagnosis:
         """The diagnosis of the set."""
         return self.make()
+
+    @cached_property
+    def sketch(self) -> Markup:
+        """Small picture of a record's output over time; empty if there is no record."""
+        from lumbar.publishing.pages.sketches import course_sketch
+
+        if self.read_first is None:
+            return Markup("")
+        record = self.read_first()
+        return course_sketch(curve_points(record[record.roles("output")[0]], 150))
 
     @cached_property
     def page(self) -> ExplorerPage:
@@ -188,6 +205,14 @@ class ServedLift:
     def name(self) -> str:
         """Name of the lift."""
         return self.folder.absolute().name
+
+    @cached_property
+    def sketch(self) -> Markup:
+        """Small picture of the lift; empty if its tables are incomplete, for which its page has the reason."""
+        from lumbar.publishing.pages.sketches import lift_sketch
+
+        body = self.folder / "body.csv"
+        return lift_sketch(pd.read_csv(body)) if body.is_file() else Markup("")
 
     @property
     def address(self) -> str:

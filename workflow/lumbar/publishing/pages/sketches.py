@@ -29,9 +29,8 @@ def stick_figure(points) -> list[dict]:
 
 
 def _sketch(parts: Iterable[str]) -> Markup:
-    return Markup(
-        f'<svg class="sketch" viewBox="0 0 {_WIDTH} {_HEIGHT}" aria-hidden="true">{"".join(parts)}</svg>'
-    )
+    attributes = 'class="sketch" preserveAspectRatio="xMinYMid" aria-hidden="true"'
+    return Markup(f'<svg {attributes} viewBox="0 0 {_WIDTH} {_HEIGHT}">{"".join(parts)}</svg>')
 
 
 def _line(points: np.ndarray, opacity: float = 1) -> str:

@@ -35,15 +35,27 @@ def find_clearest_diagnosis(results: Path) -> tuple[str, dict] | None:
     return max(found, key=lambda item: item[0])[1:] if found else None
 
 
+def format_fall(diagnosis: dict) -> str:
+    """Return the error of the base and of the selected model on unseen records, from the content of ``diagnosis.json``."""
+    ladder = diagnosis["ladder"]
+    steps = [
+        error
+        for step in (ladder[:1] + ladder[-1:] if diagnosis["selected"] else ladder[:1])
+        if (error := step.get("test_rms")) is not None
+    ]
+    if not steps:
+        return "not known on unseen records"
+    return f"{' → '.join(f'{error:.3g}' for error in steps)} {unit_in_print(diagnosis['unit'])}"
+
+
 def _diagnosis_result(results: Path) -> Iterator[MainResult]:
     clearest = find_clearest_diagnosis(results)
     if clearest is not None:
         name, diagnosis = clearest
-        first, last = (diagnosis["ladder"][step]["test_rms"] for step in (0, -1))
         effects = " and ".join(value_in_words(effect) for effect in diagnosis["selected"])
         yield MainResult(
             f"diagnoses-{name}",
-            f"{first:.3g} → {last:.3g} {unit_in_print(diagnosis['unit'])}",
+            format_fall(diagnosis),
             f"error of the {diagnosis['base']} model on unseen records of “{value_in_words(name)}”, without and with {effects}",
         )
 
