@@ -106,12 +106,14 @@ docs-site: ## build/docs-site: the pages and the API reference as a site (downlo
 	NO_MKDOCS_2_WARNING=1 $(SITE)/bin/mkdocs build --strict --quiet
 
 SOLVE := --universal --fork-strategy fewest --python-version 3.11 --generate-hashes --no-emit-index-url --no-header --no-annotate --quiet
-COMPILE := uv pip compile pyproject.toml --group dev $(SOLVE)
-# The cluster's packages are solved with the lock's versions at hand; derive.py keeps what they add.
+COMPILE := uv pip compile pyproject.toml $(SOLVE)
+# The other packages are solved with the lock's versions at hand; derive.py keeps what the cluster's add.
 lock: ## renew envs/ from pyproject.toml (needs uv)
-	$(COMPILE) --upgrade -o envs/lock.txt
+	$(COMPILE) --group dev --upgrade -o envs/lock.txt
+	cp envs/lock.txt envs/runtime-lock.txt
+	$(COMPILE) -o envs/runtime-lock.txt
 	cp envs/lock.txt envs/cluster-lock.txt
-	$(COMPILE) --extra cluster -o envs/cluster-lock.txt
+	$(COMPILE) --group dev --extra cluster -o envs/cluster-lock.txt
 	echo pip-audit | uv pip compile - $(SOLVE) --upgrade -o envs/audit-lock.txt
 	$(PYTHON) envs/derive.py
 

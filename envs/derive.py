@@ -1,4 +1,4 @@
-"""Tidy lock.txt; derive cluster-lock.txt, build-lock.txt (for source distributions) and lumbar.yaml (conda) from it.
+"""Tidy lock.txt; derive from it the locks of the runtime, of build tools and of the cluster, and lumbar.yaml (conda).
 
 The lock is the one place where versions are decided; ``make lock`` renews it and calls this script.
 """
@@ -13,7 +13,7 @@ BUILD = ("pip", "setuptools")
 CONDA_PYTHON = "3.12"
 
 CONDA_HEADER = """\
-# Derived from lock.txt by derive.py: the same versions for "snakemake --sdm conda".
+# Derived from runtime-lock.txt by derive.py: the same versions for "snakemake --sdm conda".
 channels:
   - conda-forge
   - nodefaults
@@ -41,11 +41,17 @@ def pins(lock: str) -> list[str]:
     return [block.split(" \\\n")[0].strip() for block in entries(lock).values()]
 
 
-def conda_environment(lock: str) -> str:
-    """Text of the conda environment with the lock's versions."""
-    versions = dict(pin.split(" ;")[0].split("==") for pin in pins(lock))
-    lines = [f"      - {pin}" for pin in pins(lock) if not pin.startswith("pip==")]
-    return CONDA_HEADER.format(python=CONDA_PYTHON, pip=versions["pip"]) + "\n".join(lines) + "\n"
+def runtime_lock(compiled: str, lock: str) -> str:
+    """Text of the lock of the packages that jobs need: the lock's entries of those in a compiled list."""
+    names = {pin.split("==")[0] for pin in entries(compiled)}
+    return "\n".join(block for pin, block in entries(lock).items() if pin.split("==")[0] in names) + "\n"
+
+
+def conda_environment(runtime: str, lock: str) -> str:
+    """Text of the conda environment with the versions of the runtime's lock, and the lock's pip."""
+    pip = next(pin.split("==")[1] for pin in pins(lock) if pin.startswith("pip=="))
+    lines = [f"      - {pin}" for pin in pins(runtime)]
+    return CONDA_HEADER.format(python=CONDA_PYTHON, pip=pip) + "\n".join(lines) + "\n"
 
 
 def build_lock(lock: str) -> str:
@@ -68,4 +74,6 @@ if __name__ == "__main__":
     cluster = FOLDER / "cluster-lock.txt"
     cluster.write_text(additions(cluster.read_text(encoding="utf-8"), text), encoding="utf-8")
     (FOLDER / "build-lock.txt").write_text(build_lock(text), encoding="utf-8")
-    (FOLDER / "lumbar.yaml").write_text(conda_environment(text), encoding="utf-8")
+    runtime = runtime_lock((FOLDER / "runtime-lock.txt").read_text(encoding="utf-8"), text)
+    (FOLDER / "runtime-lock.txt").write_text(runtime, encoding="utf-8")
+    (FOLDER / "lumbar.yaml").write_text(conda_environment(runtime, text), encoding="utf-8")

@@ -144,22 +144,6 @@ def change_mass(folder: Path, subject: str) -> None:
     path.write_text(changed, encoding="utf-8")
 
 
-@pytest.mark.nightly
-def test_changed_mass_of_a_subject_reruns_only_its_dependents(whole_run):
-    path = whole_run / "config" / "subjects" / "expert.yaml"
-    before = path.read_text(encoding="utf-8")
-    change_mass(whole_run, "expert")
-    try:
-        plan = done(whole_run, "--cores", "1", "--dry-run")
-    finally:
-        path.write_text(before, encoding="utf-8")
-    of_expert = {path.name for path in (results(whole_run) / "lifting").glob("expert_*kg")}
-    assert set(re.findall(r"Job \d+: (\w+kg): ", plan.text)) == of_expert
-    assert {"stability_tables", "examine_claims"} <= set(plan.jobs)
-    unchanged = ("twin", "table_3", "identify", "export", "survey", "check")
-    assert not {rule for rule in plan.jobs if rule.startswith(unchanged)}
-
-
 def test_changed_library_module_reruns_its_users(folder):
     path = min((folder / "workflow" / "lumbar" / "tissue" / "survey").glob("[!_]*.py"))
     before = path.read_text(encoding="utf-8")

@@ -4,10 +4,11 @@ import json
 import re
 import runpy
 import tomllib
-from importlib.metadata import distributions
+from importlib.metadata import distribution, distributions
 
 import yaml
 from jsonschema import Draft202012Validator
+from packaging.requirements import Requirement
 
 from generate.configuration_reference import SCHEMA, pages, schema
 
@@ -59,19 +60,36 @@ def test_images_are_named_by_digest(project):
     assert images and all(re.search(r"@sha256:[0-9a-f]{64}$", image) for image in images)
 
 
-def test_conda_environment_has_the_same_pins(project):
-    environment = yaml.safe_load((project / "envs" / "lumbar.yaml").read_text(encoding="utf-8"))
-    *others, last = environment["dependencies"]
-    listed = dict(re.match(r"([A-Za-z0-9._-]+)==([^ ;]+)", entry).groups() for entry in last["pip"])
-    listed["pip"] = next(entry.split("=")[1] for entry in others if entry.startswith("pip="))
-    assert listed == pins(project)
+def required(names: set[str]) -> set[str]:
+    """Names of installed packages that these need, at any depth, on this machine."""
+    found, pending = set(), set(names)
+    while pending:
+        name = pending.pop()
+        found.add(name)
+        for text in distribution(name).requires or ():
+            requirement = Requirement(text)
+            needed = re.sub(r"[-_.]+", "-", requirement.name).lower()
+            if needed not in found and (not requirement.marker or requirement.marker.evaluate({"extra": ""})):
+                pending.add(needed)
+    return found
+
+
+def test_runtime_has_what_the_package_needs_and_no_tool_of_development(project):
+    description = tomllib.loads((project / "pyproject.toml").read_text(encoding="utf-8"))
+    wanted = {Requirement(text).name for text in description["project"]["dependencies"]}
+    runtime = named((project / "envs" / "runtime-lock.txt").read_text(encoding="utf-8"))
+    assert required(wanted) <= runtime < named(lock(project))
+    assert not runtime & {"pytest", "playwright", "ruff", "mypy", "snakefmt"}
 
 
 def test_derived_files_are_up_to_date(project):
     derive = runpy.run_path(str(project / "envs" / "derive.py"))
-    derived = {"supported": "lock.txt", "build_lock": "build-lock.txt", "conda_environment": "lumbar.yaml"}
-    for function, file in derived.items():
-        assert derive[function](lock(project)) == (project / "envs" / file).read_text(encoding="utf-8")
+    text = {path.name: path.read_text(encoding="utf-8") for path in (project / "envs").iterdir()}
+    runtime, whole = text["runtime-lock.txt"], text["lock.txt"]
+    assert derive["supported"](whole) == whole
+    assert derive["runtime_lock"](runtime, whole) == runtime
+    assert derive["build_lock"](whole) == text["build-lock.txt"]
+    assert derive["conda_environment"](runtime, whole) == text["lumbar.yaml"]
 
 
 def test_reference_and_schema_equal_the_settings(project):

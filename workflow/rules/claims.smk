@@ -18,6 +18,7 @@ rule run_config:
     resources:
         **job_size(peak_mb=50, seconds=1),
     params:
+        code=lambda wildcards: [library_code("run_config.py"), describe_environment()],
         config=plain(settings),
         subjects={name: plain(subject) for name, subject in study.subjects.items()},
         source_label=DATA,

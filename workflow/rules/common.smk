@@ -8,6 +8,7 @@ from snakemake.io import sourcecache_entry
 
 from run.dependencies import library_code
 from run.jobs import job_size, remove_half_written, set_job_environment, warnings_in
+from lumbar.base.environment import describe_environment
 from lumbar.base.errors import LumbarError
 from lumbar.base.yaml_file import shipped_yaml
 from lumbar.settings.validation import overlay

@@ -3,6 +3,7 @@
 # In: tissue/models.json, effects of the user's own. Out: fmu/<model>_fmi{2,3}.fmu, their checks, the forces they give to one push,
 # and what the models ask of the device and the hand of the study.
 
+RENDERING = set(type(settings.runtime).model_fields) - {"check_samples", "targets"}
 FMUS = [f"<results>/fmu/{model}_fmi{version}.fmu" for model in settings.runtime.models for version in (2, 3)]
 
 
@@ -67,7 +68,7 @@ rule render_models:
     input:
         models="<results>/tissue/models.json",
         recordings=TISSUE_RECORDINGS,
-        checked="<results>/checked/tissue.json",
+        checked=ancient("<results>/checked/tissue.json"),
         effects=EFFECT_FILES,
         targets="<results>/runtime/targets.json",
     output:
@@ -85,8 +86,8 @@ rule render_models:
         **job_size(peak_mb=225, seconds=7),
     params:
         code=library_code("render_models.py"),
-        settings=plain(settings.runtime),
-        tissue=plain(settings.tissue),
+        settings=plain(settings.runtime, RENDERING),
+        tissue=plain(settings.tissue, {"records", "layout", "rate_Hz", "settling_s"}),
         source_label=DATA,
     message:
         "The models in a person's hand: what they ask of the device, and passive fits"

@@ -3,6 +3,16 @@
 # Settings of the chapter that make the basins of a lift, and those that its measures need.
 BASINS = {"pendulum", "regulator", "goal_level", "knots", "checks", "proof", "thesis_method", "attack"}
 MEASURED = {"pendulum", "regulator", "goal_level", "fewer_knots", "measures"}
+TABULATED = {
+    "pendulum",
+    "regulator",
+    "goal_level",
+    "fewer_knots",
+    "checks",
+    "thesis_method",
+    "lyapunov_shares",
+}
+TABULATED |= {"compare", "sensitivity_factor"}
 
 
 rule basins_of_lift:
@@ -64,7 +74,7 @@ if study.has("stability"):
             **job_size(peak_mb=220 + 0.2 * len(study.lifts), seconds=15 + len(study.lifts)),
         params:
             code=library_code("stability_tables.py"),
-            settings=plain(settings.stability),
+            settings=plain(settings.stability, TABULATED),
             labels=study.labels,
             source_label=DATA,
         message:

@@ -4,7 +4,7 @@
 rule analyse_survey:
     input:
         ratings=recording(settings.survey.file),
-        checked="<results>/checked/survey.json",
+        checked=ancient("<results>/checked/survey.json"),
     output:
         **published(
             "table_3_2", "survey_paired", "survey_best_picks", "survey_likert", "survey_best_picks_figure"

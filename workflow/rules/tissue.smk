@@ -34,7 +34,7 @@ rule identify_tissue:
         recordings=TISSUE_RECORDINGS,
         effects=EFFECT_FILES,
         bases=BASE_FILES,
-        checked="<results>/checked/tissue.json",
+        checked=ancient("<results>/checked/tissue.json"),
     output:
         **published("table_3_1", "physical_parameters", "figure_3_4", "figure_3_5"),
         models="<results>/tissue/models.json",

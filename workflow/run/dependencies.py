@@ -1,4 +1,4 @@
-"""Source files of the library that a script uses, from its import statements.
+"""Source files of the library that a script uses, from its import statements, and the versions of packages.
 
 Snakemake re-runs a rule when one of its parameters changes, but it does not see imports. So every rule has
 `library_code` of its script as a parameter. A hundred input files per job would dominate the plan of a large study.
@@ -6,7 +6,9 @@ Snakemake re-runs a rule when one of its parameters changes, but it does not see
 
 import ast
 import hashlib
+import platform
 import re
+import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -14,7 +16,7 @@ from pathlib import Path
 WORKFLOW = Path(__file__).resolve().parents[1]
 PACKAGE = "lumbar"
 _IMPORT = re.compile(r"^[ \t]*(?:import|from)[ \t][^(#\n]*(?:\([^)]*\))?", flags=re.M)
-_DATA_ENDINGS = {".c", ".h", ".css", ".js", ".json", ".csv", ".yaml", ".mplstyle", ".txt", ".png", ".jinja"}
+_CODE_ENDINGS = {".py", ".pyc", ".pyi", ".typed"}
 
 
 @cache
@@ -70,17 +72,17 @@ def _data_files(folder: Path) -> frozenset[Path]:
     """Return the data files in a folder of modules, and in folders below it without modules."""
     files: set[Path] = set()
     for path in folder.iterdir():
-        if path.suffix in _DATA_ENDINGS:
+        if path.is_dir():
+            files |= set() if (path / "__init__.py").is_file() else _data_files(path)
+        elif path.suffix not in _CODE_ENDINGS and not path.name.startswith("."):
             files.add(path)
-        elif not path.suffix and path.is_dir() and not (path / "__init__.py").is_file():
-            files |= _data_files(path)
     return frozenset(files)
 
 
 def library_sources(script: str) -> list[str]:
     """Return the sorted paths of all library files that a script of ``workflow/scripts`` imports, directly or through others.
 
-    Data files (C sources, tables) in the package of an imported module, or in a folder below it, count too.
+    Data files (C sources, tables, fonts) in the package of an imported module, or in a folder below it, count too.
     """
     pending = [WORKFLOW / "scripts" / script]
     seen: set[Path] = set()
@@ -94,10 +96,34 @@ def library_sources(script: str) -> list[str]:
     return sorted(str(file) for file in seen)
 
 
+def _normal_name(package: str) -> str:
+    return re.sub(r"[-_.]+", "-", package).lower()
+
+
+@cache
+def package_versions() -> dict[str, str]:
+    """Return the versions of Python and of the installed packages that jobs need, by their names.
+
+    Snakemake and its plugins are left out: no result depends on them.
+    """
+    lock = (WORKFLOW.parent / "envs" / "runtime-lock.txt").read_text(encoding="utf-8")
+    needed = {_normal_name(name) for name in re.findall(r"^([\w.-]+)==", lock, flags=re.M)}
+    versions = {"python": platform.python_version()}
+    for folder in reversed(sys.path):  # the first folder precedes the others
+        for path in Path(folder).glob("*-*.dist-info"):  # the contents are slow to read
+            name, version = path.stem.rsplit("-", 1)
+            if _normal_name(name) in needed:
+                versions[_normal_name(name)] = version
+    return {name: versions[name] for name in sorted(versions) if not name.startswith("snakemake")}
+
+
 @cache
 def library_code(script: str) -> str:
-    """Return a digest of the files in `library_sources`. It does not depend on the place of the project."""
-    digest = hashlib.sha256()
+    """Return a digest of the files in `library_sources` and of `package_versions`.
+
+    It does not depend on the place of the project.
+    """
+    digest = hashlib.sha256(repr(package_versions()).encode())
     for path in map(Path, library_sources(script)):
         for part in (path.relative_to(WORKFLOW).as_posix().encode(), path.read_bytes()):
             digest.update(len(part).to_bytes(8, "big") + part)

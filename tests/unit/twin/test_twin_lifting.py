@@ -219,16 +219,18 @@ def test_drawn_lifts_are_valid(cohort):
 
 def test_subject_without_movement_has_one_drawn_from_group(twin):
     person = subject_settings("novice").model_copy(update={"name": "third", "mass_kg": 66.0})
+    people = {"third": SyntheticPerson(mass_kg=68.0, height_m=person.height_m)}
+    twin = twin.model_copy(update={"people": {**twin.people, **people}})
     drawn = single_lift_settings(twin, person, "third_12kg", 12.0, SEED)
     lift = drawn.lifts["third_12kg"]
     assert len(drawn.lifts) == 1
-    assert drawn.people == {"third": SyntheticPerson(mass_kg=66.0, height_m=person.height_m)}
+    assert drawn.people == people
     mean, between, within = twin.groups["novice"].lift_flexion_deg
     assert abs(lift.lift_flexion_deg - mean) <= MAX_DRAWN_SD * (between + within)
     assert drawn.duration_s >= lift.events_s.release + 2
     assert len(true_movement(drawn, "third_12kg").time) == 100 * drawn.duration_s
     groups = {**twin.groups, "nurse": GroupMovement()}
-    other = twin.model_copy(update={"groups": groups, "people": {}, "lifts": {}})
+    other = twin.model_copy(update={"groups": groups, "people": people, "lifts": {}})
     assert single_lift_settings(other, person, "third_12kg", 12.0, SEED) == drawn
     named = single_lift_settings(twin, subject_settings("expert"), "expert_23kg", 23.0, SEED)
     assert named.lifts == {"expert_23kg": twin.lifts["expert_23kg"]} and named.duration_s == twin.duration_s

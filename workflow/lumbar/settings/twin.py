@@ -288,7 +288,7 @@ class SyntheticLiftingSettings(Section):
     workplace: WorkplaceSettings = Field(default_factory=WorkplaceSettings)
     hip_moment: SyntheticMomentSettings = Field(default_factory=SyntheticMomentSettings)
     people: dict[str, SyntheticPerson] = Field({})
-    """True mass and stature of synthetic people; those of others are the values in config/subjects."""
+    """True mass and stature of every synthetic person; config/subjects has the measured ones."""
     lifts: dict[str, SyntheticLift] = Field({})
     """Movement of lifts by name: <subject>_<box mass>kg, with _2 and so on for repeated lifts of a box. Any
     other lift is drawn from the group of its subject."""

@@ -160,6 +160,9 @@ def _check_twin_lifts(study: Study, sources: Mapping[str, Origins]) -> None:
         if subject.static:
             add("subject.static", repr(subject.static), "the twin records none")
         drawn = [name for name in lifts if name not in twin.lifts]
+        if drawn and person not in twin.people:
+            truth = f"{person}: {{mass_kg: {subject.mass_kg:g}, height_m: {subject.height_m:g}}}"
+            add("subject.name", f"the twin has no person {person}", f"add {truth} to twin.lifting.people")
         if drawn and subject.experience not in twin.groups:
             allowed = (
                 f"the twin has no movement of this label for {', '.join(drawn)}, only of {', '.join(twin.groups) or 'none'}: add "

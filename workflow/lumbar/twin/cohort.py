@@ -179,7 +179,7 @@ def single_lift_settings(
 ) -> SyntheticLiftingSettings:
     """Return the settings on which one lift of a study depends: the person, and the declared or drawn movement.
 
-    If ``people`` declares no true mass and stature, the subject's are used; a movement is drawn from the subject's group.
+    A movement is drawn from the subject's group. The declared mass and stature of the subject change no recording.
     """
     selected = select_lifts(settings, [lift] if lift in settings.lifts else [])
     moment = settings.hip_moment.model_copy(update={"trials": {}})
@@ -188,8 +188,7 @@ def single_lift_settings(
         return selected
     group = subject.experience
     cohort = CohortSettings(groups={group: CohortGroup(**vars(settings.groups[group]))})
-    declared = SyntheticPerson(mass_kg=subject.mass_kg, height_m=subject.height_m)
-    truth = settings.people.get(subject.name, declared)
+    truth = settings.people[subject.name]
     habits = _habits(settings.groups[group], _generator(seed, "person", subject.name))
-    person = CohortPerson(subject.name, group, subject.sex, truth, declared, habits)
+    person = CohortPerson(subject.name, group, subject.sex, truth, truth, habits)
     return _single_lift(selected, lift, draw_lift(cohort, person, box_mass_kg, lift, seed), truth)
