@@ -1,19 +1,23 @@
 """What is done on the page of a diagnosis, whether it is a file or served."""
 
-import re
-
 CASE = "case_03"
 """Experiment of the hidden effects that is diagnosed."""
+ONE_SCREEN = ("#verdict", "#where", "#picture-course", "#picture-residual", "#ladder", "#chips")
+"""Parts of the page that one screen must hold."""
 
 
 def errors_of(page) -> list[float]:
     """Error of every rung of the ladder on unseen records."""
-    rungs = page.locator("#ladder li").all_inner_texts()
-    return [float(re.search(r": ([\d.]+) N on ", rung)[1]) for rung in rungs]
+    return [float(text.split()[0]) for text in page.locator("#ladder .rung b").all_inner_texts()]
 
 
-def add(page, title: str) -> None:
-    page.evaluate("document.querySelectorAll('#why > details').forEach((item) => { item.open = true; })")
-    page.locator("article.card").filter(has=page.get_by_role("heading", name=title)).get_by_role(
-        "button", name="Add"
-    ).click()
+def add(page, effect: str) -> None:
+    page.locator(f"#add [data-add={effect}]").click()
+
+
+def path_of(page) -> list[str]:
+    """Effects of the path, by the ladder."""
+    return [
+        text.strip().removeprefix("+ ")
+        for text in page.locator("#ladder .rung > span:first-child").all_inner_texts()[1:]
+    ]

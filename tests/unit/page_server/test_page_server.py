@@ -42,7 +42,7 @@ def test_requested_model_is_fitted(tab, explored):
     facts = answer["models"]["coulomb_friction+inertia"]
     assert facts["located"]["other"]["views"].keys() >= {"frequency", "reversals"}
     assert facts["test_rms"] == pytest.approx(refined.path[-1].test_rms, rel=1e-9)
-    assert len(models[-1].values["other"]) == len(explored.page.records[1].columns["time"])
+    assert len(models[-1].errors["other"]) == len(explored.page.records[1].columns["time"])
     assert explored.refitted(["inertia", "coulomb_friction"]) is explored.refitted(
         ["coulomb_friction", "inertia"]
     )

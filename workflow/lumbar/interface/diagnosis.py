@@ -233,7 +233,6 @@ class Diagnosis:
             self.result,
             self.evidence,
             self.candidates,
-            locate.axis_reports(self.reports),
             self.source_label,
             self._sections(pictures or {}),
             [*([] if linear is None else [fitted_model(linear, self.result.experiment)]), *others],

@@ -22,7 +22,7 @@ from lumbar.base.yaml_file import read_yaml
 from lumbar.interface.lift_page import lift_page
 from lumbar.page_server.background import DRAWING, WRITING, Job, page_message
 from lumbar.page_server.recording_preview import curve_points
-from lumbar.publishing.explorer.explorer_page import ExplorerPage, excitation_facts, model_facts
+from lumbar.publishing.explorer.explorer_page import ExplorerPage, equations, excitation_facts
 from lumbar.publishing.explorer.page_data import PageModel, model_key
 from lumbar.settings.lifting import StabilitySettings
 from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
@@ -230,7 +230,7 @@ class ServedLift:
 
 MAX_EFFECTS = 8
 """Largest number of effects of a requested model."""
-_ACTIONS = ("fit", "locate", "separate", "save")
+_ACTIONS = ("fit", "separate", "save")
 
 
 @dataclass(eq=False)
@@ -278,15 +278,15 @@ class TabRequests:
     def _perform_action(self, action: str, effects: list[str]) -> tuple[dict, list[PageModel]]:
         explored = self.explored
         if action == "fit":
-            # Every step of the path, and the causes of the error at its end.
+            # Every step of the path: what the page has already it keeps.
             models = [explored.fitted(effects[:count]) for count in range(len(effects) + 1)]
-            located = {models[-1].key: explored.refitted(effects).locate().simulated}
-            facts = {model.key: model_facts(model, located.get(model.key, [])) for model in models}
-            return {"models": facts, "effects": effects}, models
-        if action == "locate":
-            model = explored.fitted(effects)
-            located = model_facts(model, explored.refitted(effects).locate().simulated)["located"]
-            return {"key": model.key, "located": located}, []
+            refits = [explored.refitted(effects[:count]) for count in range(len(effects) + 1)]
+            facts = {
+                model.key: explored.page.facts(model, refit.path[-1], refit.path[0], refit.experiment)
+                for model, refit in zip(models, refits, strict=True)
+            }
+            named = equations(refit.path[-1] for refit in refits)
+            return {"models": facts, "equations": named, "effects": effects}, models
         if action == "save":
             written = save_refinement(explored.refitted(effects), explored.output)
             return {"text": f"{len(written)} files written to {explored.output}."}, []

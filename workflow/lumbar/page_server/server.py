@@ -223,8 +223,8 @@ async def _answer(document: Document, requests: TabRequests, text: str) -> None:
     """Answer without blocking other tabs."""
     content, models = await run_in_background(requests.answer, text)
     for model in models:
-        for record in model.values:
-            for kind, columns in (("record", model.values), ("spectrum", model.density)):
+        for record in model.errors:
+            for kind, columns in (("record", model.errors), ("spectrum", model.density)):
                 source = document.get_model_by_name(f"{kind}:{record}")
                 if model.key not in source.data:
                     source.add(columns[record], model.key)

@@ -1,29 +1,32 @@
-// What the page does by itself: shows another record or model, adds what was fitted already, hands out files.
+// What the page does by itself: adds and removes effects, shows another record, hands out files.
 // Where it is served, it asks the server for what was not computed.
 "use strict";
 window.lumbar = (() => {
   const page = JSON.parse(document.getElementById("page-data").textContent);
   const element = (id) => document.getElementById(id);
   let pictures; // Bokeh's document
-  let added = page.selected.slice();
+  let added = []; // the path: effects in the order in which they were added
   let aside = null; // a path that was set aside, to be compared
+  let asked = false; // whether the user asked for the best model
   const past = [];
-  let underway = ""; // what was asked last
+  let underway = ""; // last request to the server
   let next = null; // and what comes after it
-  let asked = 0;
-  let locating = null; // model of which the server is to say where it fails
+  let number = 0;
   let since; // when the server was asked
-  let windowed; // record of which the beginning was shown already
+  let playing; // timer of the automatic path
+  let windowed; // record with the time that is shown
   let opening = null; // what the address asks for, while the server fits it
   let session; // the address that was written last
-  const initial = {}; // what is shown where the address says nothing
 
   const named = (name) => pictures.get_model_by_name(name);
   const keyOf = (effects) => effects.slice().sort().join("+") || "base";
   const readable = (effects) => effects.map((name) => name.replaceAll("_", " ")).join(" and ") || "no effect";
-  const digits = (value) => (value === null ? "unknown" : Number(value).toPrecision(3));
+  const digits = (value) => (value === null ? "unknown" : String(Number(Number(value).toPrecision(3))));
   const known = (effects) => keyOf(effects) in page.models;
   const steps = (effects) => [[], ...effects.map((_, i) => effects.slice(0, i + 1))];
+  const current = () => page.models[keyOf(added)];
+  const inPrint = (text) => text.replace(/(?<![\w.)])-(?=\d)/g, "−");
+  const hue = (key, other) => window.lumbarHue(key === "base" ? page.colours.base : other ? page.colours.other : page.colours.effects);
   // What is drawn is the page's own: nothing of it is compared with what was there, or sent to a server.
   const put = (name, data) => named(name).setv({ data }, { check_eq: false, sync: false });
   let whole; // all samples of the record that is shown
@@ -36,57 +39,134 @@ window.lumbar = (() => {
     return node;
   }
 
+  // The model that is compared: a chosen one, the end of the path that was set aside, or the model before the last step.
+  function compared() {
+    const chosen = element("other").value;
+    if (chosen !== "") return chosen === keyOf(added) ? null : chosen;
+    const before = aside ?? steps(added).slice(0, -1).filter(known).at(-1);
+    return before === undefined || keyOf(before) === keyOf(added) ? null : keyOf(before);
+  }
+
+  function errorOf(data, record, key) {
+    const scale = page.models[key].scales[record];
+    return Float32Array.from(data[key], (value) => value * scale);
+  }
+
   function show() {
     const record = element("record").value;
-    const first = element("first").value;
-    const second = element("second").value;
+    const [key, other] = [keyOf(added), compared()];
     const data = named("record:" + record).data;
-    const less = (key) => Float32Array.from(data.measured, (value, i) => value - data[key][i]);
-    const [first_error, second_error] = [less(first), less(second)];
-    const turned = (error) => error.map((value, i) => value * data.turned[i]);
+    const error = errorOf(data, record, key);
+    const base_error = errorOf(data, record, "base");
+    const other_error = other === null ? error.map(() => NaN) : errorOf(data, record, other);
+    const less = (values) => values.map((value, i) => data.measured[i] - value);
+    const turned = (values) => values.map((value, i) => value * data.turned[i]);
     whole = {
       time: data.time, position: data.position, velocity: data.velocity, since: data.since, measured: data.measured,
-      first: data[first], second: data[second], first_error, second_error, ...setAsideViews(data),
-      first_turned: turned(first_error), second_turned: turned(second_error),
+      model: less(error), other: less(other_error), model_error: error, other_error, base_error,
+      model_turned: turned(error), other_turned: turned(other_error),
     };
     const { frequency, noise, marker, ...lines } = named("spectrum:" + record).data;
-    put("lines", { frequency, noise, marker, first: lines[first], second: lines[second], aside: aside === null ? frequency.map(() => NaN) : lines[keyOf(aside)] });
-    const duration = data.time[data.time.length - 1];
-    if (record !== windowed) {
-      const end = Math.min(duration, page.window_s);
-      named("course").x_range.setv({ start: 0, end, reset_start: 0, reset_end: duration });
-      element("to").max = element("from").max = duration.toFixed(3);
+    put("lines", { frequency, noise, marker, model: lines[key], other: other === null ? frequency.map(() => NaN) : lines[other] });
+    element("name-model").textContent = page.models[key].label;
+    element("name-other").textContent = other === null ? "" : page.models[other].label;
+    document.querySelector(".curve.other").hidden = other === null;
+    for (const [curve, colour] of [["model", hue(key)], ["other", hue(other, true)]]) {
+      document.querySelector(`.curve.${curve}`).style.setProperty("--hue", colour);
+      for (const { glyph } of drawn(curve)) {
+        for (const name of ["line_color", "fill_color"]) if (name in glyph) glyph.setv({ [name]: colour }, { sync: false });
+      }
     }
+    if (record !== windowed) worst();
     windowed = record;
     inWindow();
     where.draw();
     element("region").textContent = where.nothing();
-    merits(record, [first, second]);
-    told(first, record);
+    verdict(key);
+    told(key, record);
+    ladder();
+    chips();
+    parameters();
+    merits();
+    reachable();
     remember();
   }
 
-  // The path that was set aside, with the chosen models.
-  function setAsideViews(data) {
-    const nothing = aside === null;
-    const output = nothing ? data.measured.map(() => NaN) : data[keyOf(aside)];
-    return { aside: output, aside_error: data.measured.map((value, i) => value - output[i]) };
-  }
+  const drawn = (curve) => pictures.roots().flatMap(({ renderers }) => renderers.filter((item) => item.name === curve));
 
   function switched({ target: { dataset, checked } }) {
-    for (const { renderers } of pictures.roots())
-      for (const item of renderers) if (item.name === dataset.curve) item.setv({ visible: checked }, { sync: false });
+    for (const item of drawn(dataset.curve)) item.setv({ visible: checked }, { sync: false });
+  }
+
+  // Three figures and one sentence: on the model that is shown, and what the search found when the user is there.
+  function verdict(key) {
+    const [base, model] = [page.models.base, page.models[key]];
+    const isSolved = page.solved.includes(key) || (asked && key === keyOf(page.selected));
+    const { chip, tone, sentence } = isSolved ? page.verdict : model;
+    element("verdict").dataset.tone = page.noise_rms === null && !isSolved ? "" : tone;
+    element("chip").textContent = chip;
+    element("sentence").textContent = inPrint(sentence);
+    element("fall").textContent = (key === "base" ? "" : `${digits(base.test_rms)} → `) + `${digits(model.test_rms)} ${page.unit}`;
+    element("times").textContent = page.noise_rms === null ? "unknown" : `${ofNoise(model.test_rms)} ×`;
+    element("chance").textContent = model.chance || "–";
+    element("best").disabled = isSolved;
+    const step = isSolved ? "" : key === "base" ? "#add" : "#again";
+    for (const link of document.querySelectorAll(".stepper a")) {
+      if (link.hash === step) link.setAttribute("aria-current", "step");
+      else link.removeAttribute("aria-current");
+    }
+  }
+
+  // Where the model fails on this record: the headline, and effects that one could add; further sentences under the pictures.
+  function told(key, record) {
+    const { headline, places, views } = page.models[key].located[record];
+    element("headline").textContent = inPrint(headline);
+    element("places").replaceChildren(...places.flatMap(([place, effects]) => {
+      const offered = effects.filter((name) => name in page.effects && !added.includes(name)).sort(byError).slice(0, 2);
+      const group = made("span", `${place} ${offered.length ? "→ " : ""}`);
+      group.append(...offered.map((name) => made("button", readable([name]), { "data-add": name })));
+      return [group];
+    }));
+    const left = { ...views };
+    for (const place of document.querySelectorAll("[data-view]")) {
+      place.textContent = inPrint(left[place.dataset.view] || "");
+      delete left[place.dataset.view];
+    }
+    element("other-views").replaceChildren(...Object.values(left).map((text) => made("li", inPrint(text))));
+  }
+
+  const withEffect = (name) => page.models[keyOf([...added, name])];
+  const byError = (a, b) => (withEffect(a)?.test_rms ?? Infinity) - (withEffect(b)?.test_rms ?? Infinity) || 0;
+
+  // One chip per effect, sorted by the error that it leaves together with the model; then what was not fitted with it.
+  function chips() {
+    const { train_rms, test_rms } = current();
+    const names = Object.keys(page.effects).filter((name) => !added.includes(name)).sort(byError);
+    const fitted = names.filter((name) => withEffect(name) !== undefined);
+    const others = names.filter((name) => withEffect(name) === undefined && page.effects[name].reason === "");
+    const chip = (name) => made("button", readable([name]), { "data-add": name, title: page.effects[name].about });
+    element("chips").replaceChildren(...fitted.map((name) => {
+      const [node, model] = [chip(name), withEffect(name)];
+      node.append(" ", made("b", digits(model.test_rms)));
+      if (model.train_rms < train_rms && model.test_rms >= test_rms) node.append(made("small", " only training gains"));
+      node.style.setProperty("--share", `${Math.min(100, (100 * model.test_rms) / page.models.base.test_rms)}%`);
+      return node;
+    }));
+    element("others").hidden = others.length === 0;
+    element("others").replaceChildren(element("others").firstElementChild, ...others.map(chip));
+    const untried = names.filter((name) => page.effects[name].reason !== "");
+    element("untried").textContent = untried.map((name) => `${readable([name])}: not tried, ${page.effects[name].reason}`).join("; ");
   }
 
   // The address contains the state of the page: a reload, a bookmark or a link restores it.
   function remember() {
-    const chosen = {
-      path: added.join("+") || "base", aside: aside === null ? "" : aside.join("+") || "base",
-      record: element("record").value, first: element("first").value, second: element("second").value,
-    };
-    if (initial.record === undefined) Object.assign(initial, chosen);
     if (opening !== null) return; // not there yet
-    const changed = Object.entries(chosen).filter(([name, value]) => value !== (name === "second" ? keyOf(added) : initial[name]));
+    const record = element("record");
+    const state = {
+      path: added.join("+"), aside: aside === null ? "" : aside.join("+") || "base",
+      record: record.value === record.options[0].value ? "" : record.value, compare: element("other").value,
+    };
+    const changed = Object.entries(state).filter(([, value]) => value !== "");
     const text = changed.map(([name, value]) => `${name}=${encodeURIComponent(value).replaceAll("%2B", "+")}`).join("&");
     if (session === undefined && text === "") return;
     session = text === "" ? "" : `#${text}`;
@@ -101,14 +181,14 @@ window.lumbar = (() => {
       return;
     }
     if (location.hash === session) return;
+    const effects = (text) => (text === "base" ? [] : text.split("+"));
+    const readers = { path: effects, aside: effects, record: String, compare: String };
     try {
-      const asked = location.hash.slice(1).split("&").map((part) => {
+      opening = Object.fromEntries(location.hash.slice(1).split("&").map((part) => {
         const [name, value] = [part.split("=", 1)[0], decodeURIComponent(part.slice(part.indexOf("=") + 1))];
-        if (!(name in initial)) throw new Error(`it knows no “${name}”; there are ${Object.keys(initial).join(", ")}`);
-        return [name, value];
-      });
-      opening = { ...Object.fromEntries(asked) };
-      for (const name of ["path", "aside"]) if (name in opening) opening[name] = opening[name] === "base" ? [] : opening[name].split("+");
+        if (!(name in readers)) throw new Error(`it knows no “${name}”; there are ${Object.keys(readers).join(", ")}`);
+        return [name, readers[name](value)];
+      }));
       open();
     } catch (error) { refused(error.message); }
   }
@@ -127,18 +207,38 @@ window.lumbar = (() => {
       ask({ action: "fit", effects }, `Fitting ${page.base} with ${readable(effects)}, as the address asks`);
       return;
     }
-    const { path = page.selected, aside: other, ...chosen } = opening;
-    for (const [name, value] of Object.entries(chosen)) {
-      if ([...element(name).options].some((option) => option.value === value)) continue;
-      refused(`there is no ${name === "record" ? "record" : "model"} “${value}”`);
-      return;
+    const { path = [], aside: other = null, record = element("record").options[0].value, compare = "" } = opening;
+    for (const [id, value] of [["record", record], ["other", compare]]) {
+      if ([...element(id).options].some((option) => option.value === value)) element(id).value = value;
+      else { refused(`there is no ${id === "record" ? "record" : "model"} “${value}”`); return; }
     }
     opening = null;
-    aside = other === undefined ? null : other;
+    aside = other;
     take(path, false);
-    for (const [name, value] of Object.entries(chosen)) element(name).value = value;
-    ladder();
-    show();
+  }
+
+  // The two seconds with the largest error of the model, without the start that does not count.
+  function worst() {
+    const { time, model_error: error } = whole;
+    const count = Math.min(time.length, Math.max(100, Math.min(2000, Math.round(2 / (time[1] - time[0])))));
+    const first = Math.max(0, time.findIndex((value) => value >= page.settling_s[element("record").value]));
+    let [sum, most, end] = [0, -1, time.length - 1];
+    for (let i = first; i < time.length; i++) {
+      sum += error[i] ** 2;
+      if (i - count >= first) sum -= error[i - count] ** 2;
+      if (i - first >= count - 1 && sum > most) [most, end] = [sum, i];
+    }
+    zoom(time[Math.max(0, end - count + 1)], time[end]);
+  }
+
+  const zoom = (start, end) => named("course").x_range.setv({ start, end });
+
+  function zoomed(way) {
+    const { start, end } = named("course").x_range;
+    const [middle, half] = [(start + end) / 2, ((end - start) / 2) * (way === "in" ? 0.5 : 2)];
+    if (way === "worst") worst();
+    else if (way === "whole") zoom(whole.time[0], whole.time[whole.time.length - 1]);
+    else zoom(middle - half, middle + half);
   }
 
   // Lines and loops are drawn of the time that is shown alone: a long record would take a second.
@@ -146,14 +246,19 @@ window.lumbar = (() => {
     const { start, end } = named("course").x_range;
     const [first, last] = [start, end].map((time) => whole.time.findIndex((value) => value >= time));
     const until = last < 0 ? whole.time.length : last + 1;
-    const part = ([name, values]) => [name, values.slice(Math.max(first - 1, 0), until)];
-    put("shown", Object.fromEntries(Object.entries(whole).map(part)));
+    const shown = Object.fromEntries(Object.entries(whole).map(([name, values]) => [name, values.slice(Math.max(first - 1, 0), until)]));
+    const { base_error, ...lines } = shown;
+    put("shown", lines);
+    // The range of the residual is that of the base: an effect that helps makes it smaller.
+    let top = page.noise_rms ?? 0;
+    for (const values of [base_error, shown.model_error]) for (const value of values) top = Math.max(top, 1.1 * Math.abs(value));
+    named("residual").y_range.setv({ start: -top || -1, end: top || 1 });
   }
 
   // Once a frame, however often the range changes.
   let waits = false;
   function moved() {
-    if (waits) return;
+    if (waits || whole === undefined) return;
     waits = true;
     requestAnimationFrame(() => { waits = false; inWindow(); });
   }
@@ -172,37 +277,43 @@ window.lumbar = (() => {
     else element("region").textContent = where.between(Math.min(...ends), Math.max(...ends));
   }
 
-  function clearMark() {
-    element("from").value = element("to").value = "";
-    element("region").textContent = where.nothing();
-  }
-
-  const unseen = (record) => (page.trained.includes(record) ? "training" : "unseen");
-  const ofNoise = (rms) => (page.noise_rms === null ? "unknown" : digits(rms / page.noise_rms));
-  const merit = ({ rms, vaf, fit }) => [digits(rms), ofNoise(rms), vaf.toPrecision(5), digits(fit)];
-  const MERITS = [`RMS error (${page.unit})`, "× noise", "VAF (%)", "FIT (%)"];
-
-  // Both models on every record, the one that is shown in bold.
-  function merits(shown, keys) {
-    const head = made("thead", "");
-    const above = made("tr", "");
-    above.append(made("td", ""), made("td", ""));
-    for (const key of keys) above.append(made("th", page.models[key].label, { colspan: MERITS.length, scope: "colgroup" }));
-    head.append(above, row(["record", "part", ...MERITS, ...MERITS], "th", { scope: "col" }));
-    const body = made("tbody", "");
-    for (const record of Object.keys(page.models.base.merits)) {
-      const line = row([unseen(record), ...keys.flatMap((key) => merit(page.models[key].merits[record]))], "td");
-      line.prepend(made("th", record, { scope: "row" }));
-      if (record === shown) line.setAttribute("aria-current", "true");
-      body.append(line);
-    }
-    element("merits").replaceChildren(head, body);
-  }
+  const part = (record) => (page.trained.includes(record) ? "training" : "unseen");
+  const ofNoise = (rms) => (rms < 10 * page.noise_rms ? (rms / page.noise_rms).toFixed(2) : rms < 1000 * page.noise_rms ? (rms / page.noise_rms).toFixed(0) : "> 1000");
 
   function row(cells, tag, attributes) {
     const line = made("tr", "");
     line.append(...cells.map((text) => made(tag, text, attributes)));
     return line;
+  }
+
+  function fillTable(id, head, rows) {
+    const [above, body] = [made("thead", ""), made("tbody", "")];
+    above.append(row(head, "th", { scope: "col" }));
+    body.append(...rows);
+    document.querySelector(`#${id} table`).replaceChildren(above, body);
+  }
+
+  // RMS error of every model on every record; the model that is shown is in bold.
+  function merits() {
+    const records = Object.keys(page.models.base.merits);
+    fillTable("merits", [`RMS error (${page.unit})`, ...records.map((name) => `${name} (${part(name)})`)],
+      Object.entries(page.models).map(([key, { label, merits: all }]) => {
+        const line = row(records.map((name) => digits(all[name].rms)), "td");
+        line.prepend(made("th", label, { scope: "row" }));
+        if (key === keyOf(added)) line.setAttribute("aria-current", "true");
+        return line;
+      }));
+  }
+
+  function parameters() {
+    const { forms, parameters: all } = current();
+    element("equations").replaceChildren(...["base", ...forms].map((key) => {
+      const [owner, equation] = page.equations[key];
+      const line = made("p", `${owner}: `);
+      line.insertAdjacentHTML("beforeend", equation);
+      return line;
+    }), ...added.map((name) => made("p", `${readable([name])}: ${page.effects[name].about}`)));
+    fillTable("parameters", ["part", "parameter", "value", "95 % interval", "unit"], all.map((cells) => row(cells, "td")));
   }
 
   // Every model on every record, as a file.
@@ -213,7 +324,7 @@ window.lumbar = (() => {
       const name = group === page.models.base.group ? [page.base, ...effects].join("+") : label;
       for (const [record, { rms, vaf, fit }] of Object.entries(all)) {
         const noise = page.noise_rms === null ? "" : rms / page.noise_rms;
-        lines.push([name, group, record, unseen(record), rms, noise, vaf, fit]);
+        lines.push([name, group, record, part(record), rms, noise, vaf, fit]);
       }
     }
     hand("models.csv", "text/csv", lines.map((line) => line.map((cell) => quoted(String(cell))).join(",") + "\n").join(""));
@@ -232,42 +343,26 @@ window.lumbar = (() => {
     hand(`${name}.svg`, "image/svg+xml", await canvas.to_blob());
   }
 
-  // What locate says of the first model on this record, each sentence under the picture it speaks of.
-  function told(key, record) {
-    const found = page.models[key].located[record];
-    const inPrint = (text) => text.replace(/(?<![\w.)])-(?=\d)/g, "−");
-    const views = Object.fromEntries(Object.entries(found?.views ?? {}).map(([name, text]) => [name, inPrint(text)]));
-    for (const place of document.querySelectorAll("[data-view]")) {
-      place.textContent = views[place.dataset.view] || "";
-      delete views[place.dataset.view];
-    }
-    const open = !found && page.served && page.models[key].group === page.models.base.group;
-    element("headline").textContent = found ? inPrint(found.headline)
-      : open ? "Looking where this model fails …"
-      : "Where this model fails was not put into words: the pictures show it.";
-    element("set-aside-views").replaceChildren(...Object.values(views).map((text) => made("li", text)));
-    if (open && next === null && ask({ action: "locate", effects: page.models[key].effects }, "Looking where it fails", false)) locating = key;
-  }
-
-  function rung(effects, before, top, number) {
+  function rung(effects, before, top, place) {
     const { train_rms, test_rms } = page.models[keyOf(effects)];
-    const item = made("li", "");
+    const item = made("li", "", { title: `${digits(train_rms)} ${page.unit} in training` });
     const line = made("div", "", { class: "rung" });
-    const name = before === null ? page.base : "+ " + readable(effects.slice(before.length));
-    const noise = page.noise_rms === null ? "" : `, ${ofNoise(test_rms)} × noise`;
-    line.append(made("span", `${name}: ${digits(test_rms)} ${page.unit} on ${page.test_data} (${digits(train_rms)} in training${noise})`));
-    if (number !== undefined) {
+    line.append(made("span", before === null ? page.base : "+ " + readable(effects.slice(before.length))));
+    if (place !== undefined) {
       const tools = made("span", "", { class: "tools" });
       const effect = effects[effects.length - 1];
       for (const [action, sign, words] of [["up", "↑", "earlier"], ["down", "↓", "later"], ["out", "✕", "out"]]) {
         const button = made("button", sign, { "data-move": action, "data-effect": effect, "aria-label": `${readable([effect])} ${words}` });
-        button.disabled = (action === "up" && number === 1) || (action === "down" && number === added.length);
+        button.disabled = (action === "up" && place === 1) || (action === "down" && place === added.length);
         tools.append(button);
       }
       line.append(tools);
     }
+    line.append(made("b", `${digits(test_rms)} ${page.unit}`));
     const bar = made("span", "", { class: "bar" });
-    bar.style.width = `${Math.min(100, (100 * test_rms) / top)}%`;
+    bar.style.setProperty("--hue", hue(keyOf(effects)));
+    bar.style.setProperty("--before", `${before === null ? 100 : (100 * page.models[keyOf(before)].test_rms) / top}%`);
+    bar.style.width = `${(100 * test_rms) / top}%`;
     const track = made("span", "", { class: "track" });
     track.append(bar);
     item.append(line, track);
@@ -275,53 +370,64 @@ window.lumbar = (() => {
   }
 
   function fill(list, effects, movable) {
-    const top = page.models.base.test_rms;
     const rungs = steps(effects).filter(known);
+    const top = Math.max(page.noise_rms ?? 0, ...rungs.map((step) => page.models[keyOf(step)].test_rms));
     const items = rungs.map((step, i) => rung(step, i === 0 ? null : rungs[i - 1], top, movable && i > 0 ? step.length : undefined));
-    list.replaceChildren(...items);
-    const noise = page.noise_rms;
-    if (noise !== null) list.style.setProperty("--noise", `${Math.min(100, (100 * noise) / top)}%`);
+    const axis = made("li", "0", { class: "axis" });
+    if (page.noise_rms !== null) {
+      list.style.setProperty("--noise", `${(100 * page.noise_rms) / top}%`);
+      axis.append(made("span", `dashed: noise, ${digits(page.noise_rms)} ${page.unit}`));
+    }
+    list.classList.toggle("floor", page.noise_rms !== null);
+    axis.append(made("span", `${digits(top)} ${page.unit}`));
+    list.replaceChildren(...items, axis);
   }
 
   function ladder() {
     fill(element("ladder"), added, true);
     element("undo").disabled = past.length === 0;
-    element("remove").disabled = added.length === 0;
+    element("restart").disabled = added.length === 0;
     for (const button of document.querySelectorAll("[data-needs-effects]")) button.disabled = added.length === 0;
-    element("set-aside").hidden = element("aside-curve").hidden = aside === null;
+    element("set-aside").hidden = aside === null;
     if (aside === null) return;
     fill(element("ladder-aside"), aside, false);
     const [own, other] = [added, aside].map((effects) => page.models[keyOf(effects)].test_rms);
-    element("paths").textContent = `This path ends at ${digits(own)} ${page.unit} with ${count(added)}, the one set aside at ` +
-      `${digits(other)} ${page.unit} with ${count(aside)}.`;
+    element("paths").textContent = `This path ends at ${digits(own)} ${page.unit}, the one set aside at ${digits(other)} ${page.unit}.`;
   }
-
-  const count = (effects) => `${effects.length} effect${effects.length === 1 ? "" : "s"}`;
 
   function say(text, bad) {
     element("message").textContent = text;
     element("message").className = bad ? "bad" : "";
   }
 
-  // Shows a path down the ladder; what was not fitted of it the server fits.
-  function take(effects, remember = true) {
+  // Shows a path; what was not fitted of it the server fits.
+  function take(effects, isStep = true) {
     const missing = steps(effects).filter((step) => !known(step));
     if (missing.length > 0 && page.served) {
       ask({ action: "fit", effects }, `Fitting ${page.base} with ${readable(effects)}`);
       return;
     }
     if (!known(effects)) {
-      say(`${readable(effects)} together were not fitted in this diagnosis. "lumbar explore" fits them.`, true);
+      const command = page.command + effects.map((name) => ` --add ${name}`).join("");
+      say(`${readable(effects)} together were not fitted in this diagnosis. To fit them: ${command} --output out`, true);
       return;
     }
-    if (remember) past.push(added);
+    if (isStep) past.push(added);
     added = effects;
-    const { label, test_rms } = page.models[keyOf(effects)];
-    const left = missing.length === 0 ? "" : ` Not fitted in this diagnosis, so without a step: ${missing.map(readable).join("; ")}.`;
-    say(`${label}: error on ${page.test_data} ${digits(test_rms)} ${page.unit}.${left}`);
-    element("second").value = keyOf(effects);
-    ladder();
+    say(missing.length === 0 ? "" : `Not fitted in this diagnosis, so without a step: ${missing.map(readable).join("; ")}.`);
     show();
+  }
+
+  // The automatic path, step by step.
+  function play(count = 0) {
+    const path = steps(page.selected).filter(known);
+    asked = true;
+    if (keyOf(added) === keyOf(path[count]) && count > 0) show();
+    else take(path[count]);
+    if (count + 1 < path.length) {
+      const pause = count === 0 ? 400 : window.matchMedia("(prefers-reduced-motion: reduce)").matches ? 0 : 1200;
+      playing = window.setTimeout(play, pause, count + 1);
+    }
   }
 
   function move(action, effect) {
@@ -334,63 +440,47 @@ window.lumbar = (() => {
   }
 
   // One thing after the other: what a person asks meanwhile comes next, a second click on the same button does not.
-  function ask(content, words, waits = true) {
+  function ask(content, words) {
     if (document.body.hasAttribute("aria-busy")) {
-      if (waits && JSON.stringify(content) !== underway) next = [content, words];
-      return false;
+      if (JSON.stringify(content) !== underway) next = [content, words];
+      return;
     }
-    asked += 1;
+    number += 1;
     underway = JSON.stringify(content);
     since = performance.now();
     say(words + " …");
     element("progress").hidden = false;
     document.body.setAttribute("aria-busy", "true");
-    named("request").data = { content: [JSON.stringify({ number: asked, ...content })] };
-    return true;
+    named("request").data = { content: [JSON.stringify({ number, ...content })] };
   }
 
   function answered(text) {
-    taken(text);
+    taken(JSON.parse(text));
     if (next === null || document.body.hasAttribute("aria-busy")) return;
     const wanted = next;
     next = null;
     ask(...wanted);
   }
 
-  function taken(text) {
-    const answer = JSON.parse(text);
+  function taken(answer) {
+    Object.assign(page.equations, answer.equations);
     for (const [key, model] of Object.entries(answer.models || {})) {
-      if (key in page.models) continue; // where it fails may be known already
+      if (key in page.models) continue;
       page.models[key] = model;
-      offer(key);
+      [...element("other").children].find((item) => item.label === model.group).append(new Option(model.label, key));
     }
-    if (answer.number !== asked) return;
+    if (answer.number !== number) return;
     document.body.removeAttribute("aria-busy");
     element("progress").hidden = true;
     if (answer.error && opening !== null) refused(answer.error);
     else if (answer.error) say(answer.error, true);
-    if (locating !== null) {
-      const unknown = Object.keys(page.models.base.merits).map((record) => [record, { headline: answer.error, views: {} }]);
-      page.models[locating].located = answer.located || Object.fromEntries(unknown);
-      locating = null;
-      if (!answer.error) say("");
-    }
-    if (answer.models && opening !== null) open();
+    else if (answer.models && opening !== null) open();
     else if (answer.models) {
       take(answer.effects);
-      element("message").textContent += ` Fitted in ${((performance.now() - since) / 1000).toFixed(1)} s.`;
-    } else told(element("first").value, element("record").value);
-    if (answer.error) return;
+      say(`Fitted in ${((performance.now() - since) / 1000).toFixed(1)} s.`);
+    }
     if (answer.excitation) give(answer.excitation);
     if (answer.text !== undefined) say(answer.text);
-  }
-
-  function offer(key) {
-    const { label, group } = page.models[key];
-    for (const select of [element("first"), element("second")]) {
-      if ([...select.options].some((option) => option.value === key)) continue;
-      [...select.children].find((item) => item.label === group).append(new Option(label, key));
-    }
   }
 
   function give({ text, name, file }) {
@@ -401,37 +491,34 @@ window.lumbar = (() => {
   function separate(key) {
     if (key in page.excitations) give(page.excitations[key]);
     else if (page.served) ask({ action: "separate", effects: page.models[key].effects }, "Looking for the excitation that tells most");
-    else say('An excitation that tells this candidate from the selected one was not computed. "lumbar explore" computes it.', true);
+    else say('An excitation that tells this model from the selected one was not computed. "lumbar explore" computes it.', true);
   }
 
   function clicked(event) {
     const button = event.target.closest("button");
     if (button === null) return;
-    const { show: shown, add, ask: action, move: way, svg, separate: other } = button.dataset;
-    if (shown !== undefined) { element("second").value = shown; show(); element("compare").scrollIntoView(); }
-    if (add !== undefined) {
-      const more = JSON.parse(add).filter((name) => !added.includes(name));
-      if (more.length === 0) say(`${readable(JSON.parse(add))}: in the model already.`);
-      else take([...added, ...more]);
-    }
+    window.clearTimeout(playing);
+    const { add: name, ask: action, move: way, svg, separate: other, zoom: time } = button.dataset;
+    if (name !== undefined) take([...added, name]);
     if (way !== undefined) move(way, button.dataset.effect);
     if (svg !== undefined) picture(svg);
-    if (other !== undefined) separate(other);
+    if (other !== undefined) separate(other || keyOf(added));
+    if (time !== undefined) zoomed(time);
     if (action !== undefined) ask({ action, effects: added }, "Working");
+    if (button.id === "best") play();
     if (button.id === "undo") take(past.pop(), false);
-    if (button.id === "remove") take(added.slice(0, -1));
     if (button.id === "restart") take([]);
-    if (button.id === "set-aside") { aside = added; ladder(); show(); }
+    if (button.id === "keep") { aside = added; show(); }
     if (button.id === "swap") { const other_path = aside; aside = added; take(other_path); }
-    if (button.id === "forget") { aside = null; ladder(); show(); }
+    if (button.id === "forget") { aside = null; show(); }
     if (button.id === "table") table();
-    if (button.id === "clear") clearMark();
+    if (button.id === "clear") { element("from").value = element("to").value = ""; brushTime(); }
   }
 
   // What is wider than the page can be scrolled from the keyboard.
   function reachable() {
-    for (const box of document.querySelectorAll(".scroll, section > table")) {
-      if (box.scrollWidth > box.clientWidth) box.tabIndex = 0;
+    for (const box of document.querySelectorAll(".scroll, #again")) {
+      if (box.scrollWidth > box.clientWidth || box.scrollHeight > box.clientHeight) box.tabIndex = 0;
       else box.removeAttribute("tabindex");
     }
   }
@@ -441,17 +528,16 @@ window.lumbar = (() => {
     if (!found) { window.setTimeout(start, 20); return; }
     pictures = found;
     document.addEventListener("click", clicked);
-    for (const id of ["record", "first", "second"]) element(id).addEventListener("change", show);
+    for (const id of ["record", "other"]) element(id).addEventListener("change", show);
     for (const box of document.querySelectorAll("[data-curve]")) box.addEventListener("change", switched);
-    window.addEventListener("hashchange", reopened);
+    for (const fold of document.querySelectorAll("details")) fold.addEventListener("toggle", reachable);
     for (const id of ["from", "to"]) element(id).addEventListener("change", brushTime);
-    window.lumbarDark(pictures);
-    // A finger that scrolls the page marks nothing: the tools stay at hand.
-    if (window.matchMedia("(pointer: coarse)").matches) for (const name of page.pictures) named(name).toolbar.active_drag = null;
+    window.addEventListener("hashchange", reopened);
     window.addEventListener("resize", reachable);
-    ladder();
+    window.lumbarDark(pictures);
+    // A finger scrolls the page: it neither marks samples nor moves the time.
+    if (window.matchMedia("(pointer: coarse)").matches) for (const { toolbar } of pictures.roots()) toolbar.active_drag = null;
     show();
-    reachable();
     reopened();
     document.body.dataset.ready = "yes";
   }

@@ -1,6 +1,6 @@
-"""Interactive page of a diagnosis: pictures, missing effects with their certainty, and the candidates."""
+"""Interactive page of a diagnosis: it starts at the base model, and every effect that the search tried can be added."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -9,7 +9,8 @@ from bokeh.document import Document
 from bokeh.models import CustomJS
 from markupsafe import Markup
 
-from lumbar.publishing.explorer.explorer_pictures import ANSWER, ASIDE, FIRST, SECOND, page_models
+from lumbar.base.formats import percent
+from lumbar.publishing.explorer.explorer_pictures import ANSWER, MODEL, OTHER, page_models
 from lumbar.publishing.explorer.one_file import add_roots, embed_pictures, one_file
 from lumbar.publishing.explorer.page_data import (
     RECORD_COLUMNS,
@@ -21,46 +22,55 @@ from lumbar.publishing.explorer.page_data import (
     simulate_candidate,
     simulate_thesis_model,
 )
-from lumbar.publishing.pages.diagnosis_page import candidate_role
-from lumbar.publishing.pages.html import equation, table
+from lumbar.publishing.figures.style import MODELS, SERIES
+from lumbar.publishing.pages.diagnosis_page import verdict_chip
+from lumbar.publishing.pages.html import equation
 from lumbar.tables.table_layout import unit_in_print
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import EXCITATION, Evidence
-from lumbar.tissue.diagnosis.residuals.locate import ResidualReport
+from lumbar.tissue.diagnosis.fitting.preparation import Experiment
+from lumbar.tissue.diagnosis.fitting.uncertainty import estimates
+from lumbar.tissue.diagnosis.residuals.candidate_causes import CAUSE_EFFECTS
+from lumbar.tissue.diagnosis.residuals.locate import Location
 from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection import sentences
-from lumbar.tissue.diagnosis.selection.candidate import Candidate
-from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult, Ranked, Status
-from lumbar.tissue.diagnosis.selection.refine import model_name
+from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, leaves_noise, likelihood_ratio
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult, Status
 from lumbar.tissue.diagnosis.selection.sentences import distinguishing_digits, effects_text, readable
-from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
+from lumbar.tissue.diagnosis.selection.thresholds import LEVEL, number_of_forms
+from lumbar.tissue.effects.catalogue import CHANNELS
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
+from lumbar.tissue.models.structure import ForwardStructure
 
 PAGE = "publishing/explorer/explorer.html.jinja"
 PICTURES = (
-    ("course", "Measured and simulated over time", True, "time"),
-    ("residual", "Measured less simulated over time; grey: ± the noise's RMS", True, "candidate causes"),
-    ("loop", "Output over input in the time that is shown: loops", False, ""),
-    ("plane", "Error of the first model in the motion", False, "position and velocity"),
-    ("depth", "Mean error over depth; ▲ advancing, ▼ retracting", False, ""),
-    ("turns", "Mean error around reversals, along the motion after them", False, "reversals"),
-    ("spectrum", "Spectrum of the error; grey: noise", True, "frequency"),
+    ("course", "Measured and simulated over time", "time"),
+    ("residual", "Measured less simulated over time; grey: ± the noise's RMS", "candidate causes"),
+    ("loop", "Output over input in the time that is shown: loops", ""),
+    ("plane", "Error of the model in the motion", "position and velocity"),
+    ("depth", "Mean error over depth; ▲ advancing, ▼ retracting", ""),
+    ("turns", "Mean error around reversals, along the motion after them", "reversals"),
+    ("spectrum", "Spectrum of the error; grey: noise", "frequency"),
 )
-"""Pictures: name, caption, True if as wide as the page, and the view of `locate` in the picture."""
-CURVES = (
-    ("measured", "measured", "var(--ink)", ""),
-    ("first", "first model", FIRST, ""),
-    ("second", "second model", SECOND, "dashed"),
-    ("aside", "the path set aside", ASIDE, "dashed"),
-)
-"""Curves that can be switched off: name, label, colour, line style."""
+"""Pictures: name, caption, and the view of `locate` in the picture."""
 LINES = {"circle": "● excited", "square": "■ even", "triangle": "▲ odd ones that were left out"}
 """Meaning of the spectrum's lines by marker."""
-_INITIAL_WINDOW_S = 10.0
-"""Initial window in s for records that do not repeat; other records show one period."""
-_MAX_UNFOLDED = 6
-"""Largest number of parameters that a card shows in an unfolded table."""
+FOLDS = (
+    *("How likely is a false alarm?", "Can it be distinguished from the others?"),
+    *("What these records cannot decide", "Before and after"),
+)
+"""Titles of sections of the evidence that have a place of their own on the page."""
+_PLACES = {
+    "time": "over time",
+    "position and velocity": "over position and velocity",
+    "depth": "over depth",
+    "reversals": "around reversals",
+    "linear dynamics": "as linear dynamics",
+}
+"""Places of the error that the page names, by the cause of `rank_causes`."""
+_MIN_SHARE, _LISTED_PLACES = 0.05, 3
+"""Smallest share of the error, and largest number, of the places that the page names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +80,6 @@ class ExplorerPage:
     result: DiagnosisResult
     evidence: Evidence
     catalogue: dict[str, Effect]
-    base_reports: list[ResidualReport]
-    """Reports of the base model on every record."""
     source_label: str
     """Origin of the data."""
     sections: Mapping[str, Sequence[Markup]] = field(default_factory=dict)
@@ -80,31 +88,25 @@ class ExplorerPage:
     """Models of the thesis, shown after the models of the diagnosis."""
     others_remark: str = ""
     """Remark on models of the thesis that are not shown."""
-    max_values: int = 1_200_000
-    """Largest number of values in a page: 4 bytes each, about 6.5 MB as text."""
-
-    @cached_property
-    def step(self) -> int:
-        """Step between drawn samples: 1, or more for long records."""
-        columns = len(fitted_candidates(self.result)) + len(self.others) + RECORD_COLUMNS
-        samples = sum(len(record) for record in self.result.experiment.records)
-        return max(1, -(-samples * columns // self.max_values))
+    max_values: int = 300_000
+    """Largest number of drawn values in a page, of 2 to 4 bytes each: long records are thinned."""
 
     @cached_property
     def models(self) -> list[PageModel]:
         """All fitted models: the base first, the thesis's models last."""
-        drawn = self.result.experiment, self.records, self.step
         fitted = [self.simulate(candidate) for candidate in fitted_candidates(self.result)]
-        return [*fitted, *(simulate_thesis_model(model, *drawn) for model in self.others)]
+        experiment = self.result.experiment
+        return [*fitted, *(simulate_thesis_model(model, experiment, self.records) for model in self.others)]
 
     def simulate(self, candidate: Candidate) -> PageModel:
         """Return the simulation of a model, from the diagnosis or fitted later, for drawing."""
-        return simulate_candidate(candidate, self.result.experiment, self.records, self.step)
+        return simulate_candidate(candidate, self.result.experiment, self.records)
 
     @cached_property
     def records(self) -> list[RecordData]:
         """Data of all records for drawing."""
-        return gather_records(self.result, self.step)
+        columns = len(fitted_candidates(self.result)) + len(self.others) + RECORD_COLUMNS
+        return gather_records(self.result, self.max_values // columns)
 
     def fill(self, document: Document) -> None:
         """Add pictures and data to a Bokeh document."""
@@ -119,33 +121,30 @@ class ExplorerPage:
         verdict, floor = self.result, self.result.experiment.floor
         markers = {marker for record in self.records for marker in record.marker}
         lines = ", ".join(meaning for marker, meaning in LINES.items() if marker in markers)
-        meanings = {"spectrum": f"; the first model's lines: {lines}"} if lines else {}
+        meanings = {"spectrum": f"; the model's lines: {lines}"} if lines else {}
         groups: dict[str, list[PageModel]] = {}
         for model in self.models:
             groups.setdefault(model.group, []).append(model)
+        base = self.models[0].merits
+        sections = {title: blocks for title, blocks in self.sections.items() if title != "Parameters"}
         return {
             "title": self.title,
             "data": self.source_label,
-            "verdict": verdict.verdict,
-            "tone": "tied" if verdict.is_incomplete else verdict.status,
-            "headline": sentences.headline(verdict),
-            "left": sentences.remaining_error(verdict) if verdict.selected else "",
             "findings": [item.sentence for item in verdict.findings],
             "sure": confidence_sentences(verdict, self.evidence),
             "floor": "" if floor is None else f"{floor.rms:.3g} {verdict.experiment.output_unit}",
-            "records": sorted(self.records, key=lambda record: not record.is_training),
+            "test_data": verdict.experiment.test_data,
+            # Unseen records first, the record with the largest error first.
+            "records": sorted(self.records, key=lambda item: (item.is_training, -base[item.name]["rms"])),
             "groups": groups,
             "others_remark": self.others_remark,
-            "chosen": model_key(verdict.selected),
-            "first_colour": FIRST,
-            "second_colour": SECOND,
-            "curves": CURVES,
-            "pictures": [
-                (name, caption + meanings.get(name, ""), wide, view) for name, caption, wide, view in PICTURES
-            ],
-            "cards": [_card(item, verdict, self.catalogue) for item in verdict.ranking],
-            "sections": self.sections,
-            "step": self.step,
+            "tied": [(model_key(item.effects), effects_text(item.effects)) for item in verdict.tied_with],
+            "pictures": [(name, caption + meanings.get(name, ""), view) for name, caption, view in PICTURES],
+            "folds": {title: sections.pop(title, ()) for title in FOLDS},
+            "sections": sections,
+            "thinned": ", ".join(
+                f"one sample in {item.step} of {item.name}" for item in self.records if item.step > 1
+            ),
             "served": served,
             "content": self._content(served),
         }
@@ -158,44 +157,159 @@ class ExplorerPage:
     def _content(self, served: bool) -> dict[str, Any]:
         """Return the data for the page's script by key: models with errors, and sentences."""
         verdict, experiment, separation = self.result, self.result.experiment, self.evidence.separation
-        floor = experiment.floor
-        located = {model_key(()): self.base_reports, model_key(verdict.selected): self.evidence.remaining}
-        tied = [] if separation is None else [verdict.model, *verdict.tied_with]
+        floor, fitted = experiment.floor, fitted_candidates(verdict)
+        separated = [] if separation is None else [verdict.model, *verdict.tied_with]
+        # The verdict is shown with the selected effects; without any, if nothing is missing or nothing was tried.
+        is_shown = verdict.selected or verdict.status == Status.ADEQUATE or len(fitted) == 1
+        solved = [verdict.model, *verdict.tied_with] if is_shown else []
+        text, tone = verdict_chip(verdict)
+        headline, left = sentences.headline(verdict), sentences.remaining_error(verdict)
+        base = verdict.base.fit.structure.base
+        models = dict(zip((model_key(item.effects) for item in fitted), fitted, strict=True))
+        facts = {model.key: self.facts(model, models.get(model.key)) for model in self.models}
         return {
             "unit": experiment.output_unit,
             "test_data": experiment.test_data,
             "noise_rms": None if floor is None else floor.rms,
-            "window_s": _INITIAL_WINDOW_S if floor is None else floor.period,
-            "base": model_name(verdict.base.fit),
+            "settling_s": {item.name: item.first * item.record.sampling_time for item in self.records},
+            "base": base.name,
+            "colours": {
+                "base": MODELS.get(base.name, {"color": SERIES[0]})["color"],
+                "effects": MODEL,
+                "other": OTHER,
+            },
             "selected": list(verdict.selected),
+            "solved": [model_key(item.effects) for item in solved],
+            "verdict": {
+                "chip": text,
+                "tone": tone,
+                "sentence": f"{headline} {left}" if verdict.status == Status.NAMED else headline,
+            },
+            "command": self._command(),
             "served": served,
             "trained": [record.name for record in self.records if record.is_training],
-            "pictures": [name for name, *_ in PICTURES],
-            "excitations": {model_key(item.effects): excitation_facts(separation, verdict) for item in tied},
-            "models": {model.key: model_facts(model, located.get(model.key, [])) for model in self.models},
+            "pictures": [name for name, *_ in PICTURES[2:]],
+            "excitations": {
+                model_key(item.effects): excitation_facts(separation, verdict) for item in separated
+            },
+            "effects": self._effects(),
+            "equations": equations(fitted),
+            "models": facts,
         }
+
+    def _command(self) -> str:
+        """Return the command that fits effects, without the effects."""
+        base = self.result.base.fit.structure.base
+        command = f"lumbar refine FOLDER --base {'BASE.yaml' if base.is_user_defined else base.name}"
+        trained = [record.name for record in self.records if record.is_training]
+        if len(self.records) > 1:
+            command += "".join(f" --train {name}" for name in trained)
+        return command + " --forward" * isinstance(self.result.base.fit.structure, ForwardStructure)
+
+    def _effects(self) -> dict[str, dict[str, str]]:
+        """Return mechanism, experiment and reason why it was not tried (empty if it was) of every effect, by name."""
+        missing = {form.effect: channels for form, channels in self.result.not_tried}
+        tried = {name for item in fitted_candidates(self.result) for name in item.effects}
+        facts = {}
+        for name, effect in self.catalogue.items():
+            if effect.rival and name not in tried:
+                continue
+            reason = ""
+            if name in missing and name not in tried:
+                reason = f"needs {' and '.join(CHANNELS.get(role, role) for role in missing[name])}"
+            facts[name] = {
+                "about": f"{effect.mechanism} {effect.sensors}".rstrip(),
+                "settles": effect.experiment,
+                "reason": reason,
+            }
+        return facts
+
+    def facts(
+        self,
+        model: PageModel,
+        candidate: Candidate | None,
+        base: Candidate | None = None,
+        experiment: Experiment | None = None,
+    ) -> dict[str, Any]:
+        """Return a model as data for the page's script; `base` and `experiment` if it was fitted after the diagnosis."""
+        facts = {
+            **{
+                name: getattr(model, name)
+                for name in ("label", "group", "train_rms", "test_rms", "merits", "scales")
+            },
+            "effects": list(model.effects),
+        }
+        if candidate is None:
+            return facts
+        ranked = {item.candidate: item.p_value for item in self.result.ranking}
+        is_listed = base is not None or candidate in (*self.result.path, *ranked)
+        base, experiment = base or self.result.base, experiment or self.result.experiment
+        is_noise = experiment.floor is not None and self._is_noise(candidate, experiment)
+        text, tone = ("only noise is left", "good") if is_noise else ("something is missing", "warn")
+        chance = ""
+        if candidate.effects:
+            ratio = likelihood_ratio(base, candidate, experiment)
+            forms = number_of_forms(self.catalogue) - len(self.result.not_tried)
+            p_value = ranked.get(candidate, self.evidence.null.p_value(ratio, forms))
+            chance = probability(p_value).removeprefix("p = ").removeprefix("p ")
+        return {
+            **facts,
+            "chip": text if experiment.floor is not None else "noise unknown",
+            "tone": tone,
+            "sentence": sentences.model_sentence(candidate, base, experiment, is_noise),
+            "chance": chance,
+            "located": {
+                name: location_facts(item, self.catalogue, is_listed) for name, item in model.located.items()
+            },
+            "forms": [form.key for form in candidate.fit.structure.forms],
+            "parameters": [
+                (
+                    readable(item.effect) or "base",
+                    readable(item.name),
+                    f"{item.value:.4g}",
+                    "not estimated" if item.low is None else f"{item.low:.4g} to {item.high:.4g}",
+                    unit_in_print(item.unit),
+                )
+                for item in estimates(
+                    candidate.fit, experiment.training, experiment.input_unit, experiment.output_unit
+                )
+            ],
+        }
+
+    def _is_noise(self, candidate: Candidate, experiment: Experiment) -> bool:
+        """Return whether a model leaves no more than noise, as the verdict counts it."""
+        if is_adequate(candidate, experiment):
+            return True
+        return self.result.refined_status == Status.ADEQUATE and leaves_noise(candidate, experiment)
 
     def to_html(self) -> str:
         """Return the page as one self-contained file: the same bytes for the same diagnosis."""
         return one_file(embed_pictures(self.fill), PAGE, self.variables())
 
 
-def model_facts(model: PageModel, located: Sequence[ResidualReport]) -> dict[str, Any]:
-    """Return a model and its locations as data for the page's script."""
+def equations(candidates: Iterable[Candidate]) -> dict[str, tuple[str, Markup]]:
+    """Return owner and equation of the base and of every form, by key; the base has the key ``base``."""
+    found: dict[str, tuple[str, Markup]] = {}
+    for item in candidates:
+        structure = item.fit.structure
+        found.setdefault("base", (structure.base.name, equation(structure.base.latex)))
+        for form in structure.forms:
+            if form.key not in found:
+                found[form.key] = f"{readable(form.effect)}, {readable(form.name)}", equation(form.latex)
+    return found
+
+
+def location_facts(location: Location, catalogue: Mapping[str, Effect], is_listed: bool) -> dict[str, Any]:
+    """Return where a model fails on a record: the headline, places with their effects, and sentences by view if it is listed."""
+    places = {} if location.is_noise or location.is_near_noise_floor else location.shares
+    found = [(name, share) for name, share in places.items() if share >= _MIN_SHARE]
     return {
-        "label": model.label,
-        "group": model.group,
-        "effects": list(model.effects),
-        "train_rms": model.train_rms,
-        "test_rms": model.test_rms,
-        "merits": model.merits,
-        "located": {
-            item.record.name: {
-                "headline": item.location.headline,
-                "views": {name: view.sentence for name, view in item.location.views.items()},
-            }
-            for item in located
-        },
+        "headline": f"{location.size}; it is seen" if found else location.headline,
+        "places": [
+            (f"{_PLACES[name]} {percent(share)}", [item for item in CAUSE_EFFECTS[name] if item in catalogue])
+            for name, share in found[:_LISTED_PLACES]
+        ],
+        "views": {name: view.sentence for name, view in location.views.items()} if is_listed else {},
     }
 
 
@@ -238,32 +352,3 @@ def confidence_sentences(diagnosis: DiagnosisResult, evidence: Evidence) -> list
     if diagnosis.experiment.floor is None:
         lines.append("No record repeats: it is unknown how much of the error is noise, or is unexplained.")
     return lines
-
-
-def _card(item: Ranked, diagnosis: DiagnosisResult, catalogue: dict[str, Effect]) -> dict:
-    """Return a ranked candidate as data for the template."""
-    candidate, unit = item.candidate, diagnosis.experiment.output_unit
-    effects = list(candidate.effects)
-    is_tied = any(set(effects) == set(other.effects) for other in diagnosis.tied_with)
-    before, after = distinguishing_digits([diagnosis.base.test_rms, candidate.test_rms], 3)
-    new = [catalogue[name] for name in effects if name not in diagnosis.selected]
-    new = new or [catalogue[name] for name in effects]
-    rows = []
-    for estimate in item.estimates:
-        if estimate.effect:
-            value = f"{estimate.value:.4g} {unit_in_print(estimate.unit)}".rstrip()
-            known = estimate.low is not None
-            interval = f"{estimate.low:.4g} to {estimate.high:.4g}" if known else "not estimated"
-            rows.append((readable(estimate.name), value, interval))
-    return {
-        "key": model_key(effects),
-        "title": effects_text(effects).capitalize(),
-        "role": candidate_role(item, diagnosis),
-        "error": f"Error on {diagnosis.experiment.test_data}: {before} → {after} {unit}; {probability(item.p_value)}.",
-        "mechanism": " ".join(f"{effect.mechanism} {effect.sensors}".rstrip() for effect in new),
-        "settles": "; ".join(effect.experiment for effect in new) if is_tied else "",
-        "effects": effects,
-        "forms": [equation(form.latex) for form in candidate.fit.structure.forms],
-        "parameters": table(("parameter", "value", "95 % interval"), rows) if rows else "",
-        "long": len(rows) > _MAX_UNFOLDED,
-    }

@@ -15,18 +15,19 @@ from bokeh.models import (
     LinearColorMapper,
     Model,
     Range1d,
+    WheelZoomTool,
 )
 from bokeh.palettes import Blues256
 from bokeh.plotting import figure
 
 from lumbar.publishing.explorer.one_file import empty_source, plain_figure
 from lumbar.publishing.explorer.page_data import PageModel, RecordData
-from lumbar.publishing.figures.style import MEASURED, SERIES
+from lumbar.publishing.figures.style import MEASURED, SERIES, WITH_EFFECTS
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 
-FIRST, SECOND = SERIES[0], SERIES[3]
-"""Colours of the two compared models, readable in grey: the first line is solid, the second dashed."""
-NOISE = ASIDE = "#777777"
+MODEL, OTHER = WITH_EFFECTS["color"], SERIES[3]
+"""Colours of the model and of the model compared with it, readable in grey: the first line is solid, the second dashed."""
+NOISE = "#777777"
 MARKED = SERIES[2]
 SHOWN, CELLS, DEPTH, TURNS, SPECTRUM = "shown", "cells", "depth means", "turn means", "lines"
 """Names of the document's data sources for drawn data."""
@@ -35,10 +36,10 @@ BRUSHED, BRUSHED_LINES = "brushed", "brushed lines"
 REQUEST, ANSWER = "request", "answer"
 """Names of the data sources for requests of the page and answers of the server."""
 _COLUMNS = (
-    *("time", "position", "velocity", "since", "measured", "first", "second", "aside"),
-    *("first_error", "second_error", "aside_error", "first_turned", "second_turned"),
+    *("time", "position", "velocity", "since", "measured", "model", "other"),
+    *("model_error", "other_error", "model_turned", "other_turned"),
 )
-_MEANS = ("first_advancing", "first_retracting", "second_advancing", "second_retracting")
+_MEANS = ("model_advancing", "model_retracting", "other_advancing", "other_retracting")
 _HEIGHT = 230
 
 
@@ -49,8 +50,8 @@ def page_models(
     brushed = empty_source(BRUSHED, _COLUMNS)
     sources = []
     for record in records:
-        values = {model.key: model.values[record.name] for model in models}
-        sources.append(ColumnDataSource({**record.columns, **values}, name=f"record:{record.name}"))
+        errors = {model.key: model.errors[record.name] for model in models}
+        sources.append(ColumnDataSource({**record.columns, **errors}, name=f"record:{record.name}"))
     for record in records:
         lines = {
             "frequency": record.frequency,
@@ -69,19 +70,25 @@ def _pictures(experiment: Experiment, brushed: ColumnDataSource) -> list[figure]
     position = f"{experiment.input_quantity.capitalize()} ({experiment.input_unit})"
     velocity = f"Velocity ({experiment.input_unit}/s)"
     error = f"Error ({experiment.output_unit})"
-    over_time = _figure("course", "Time (s)", output, x_range=Range1d(0, 1))  # set by the page's script
+    # Ranges are set by the page's script. A drag moves the time that is shown, the wheel with Ctrl changes its length.
+    over_time = _figure("course", "Time (s)", output, x_range=Range1d(0, 1))
+    over_time.xaxis.visible = False
     for end in ("start", "end"):
         over_time.x_range.js_on_change(end, CustomJS(code="window.lumbar.moved()"))
-    residual = _figure("residual", "Time (s)", error, x_range=over_time.x_range)
+    residual = _figure("residual", "Time (s)", error, x_range=over_time.x_range, y_range=Range1d(-1, 1))
+    for picture in (over_time, residual):
+        picture.sizing_mode, picture.toolbar.tools = "stretch_both", []
+        picture.add_tools("xpan", WheelZoomTool(dimensions="width", modifiers="ctrl"))
+        picture.yaxis.ticker.desired_num_ticks = 4
     loop = _figure("loop", position, output)
     plane = _figure("plane", position, velocity, x_range=loop.x_range)
     depth = _figure("depth", position, error, x_range=loop.x_range)
     along = f"Error along the motion ({experiment.output_unit})"
     turns = _figure("turns", "Time after the nearest reversal (s)", along)
     lines = {
-        over_time: ("time", ("aside", "measured", "first", "second")),
-        residual: ("time", ("aside_error", "first_error", "second_error")),
-        loop: ("position", ("aside", "measured", "first", "second")),
+        over_time: ("time", ("measured", "other", "model")),
+        residual: ("time", ("other_error", "model_error")),
+        loop: ("position", ("measured", "other", "model")),
     }
     if experiment.floor is not None:
         rms = experiment.floor.rms  # the noise
@@ -92,14 +99,14 @@ def _pictures(experiment: Experiment, brushed: ColumnDataSource) -> list[figure]
         _add_hover(picture, across, ups, shown)
     _draw_cells(plane, error)
     _draw_means(depth, empty_source(DEPTH, ("position", *_MEANS)), "position", _MEANS)
-    _draw_means(turns, empty_source(TURNS, ("since", "first", "second")), "since", ("first", "second"))
+    _draw_means(turns, empty_source(TURNS, ("since", "model", "other")), "since", ("other", "model"))
     for picture, across, up in (
         (over_time, "time", "measured"),
-        (residual, "time", "first_error"),
+        (residual, "time", "model_error"),
         (loop, "position", "measured"),
         (plane, "position", "velocity"),
-        (depth, "position", "first_error"),
-        (turns, "since", "first_turned"),
+        (depth, "position", "model_error"),
+        (turns, "since", "model_turned"),
     ):
         picture.scatter(across, up, source=brushed, size=4, color=MARKED, alpha=0.6)
         _call_on_selection(picture, f"window.lumbar.brush('{across}', '{up}', cb_obj)")
@@ -115,9 +122,8 @@ def _line(column: str) -> dict:
     curve = column.partition("_")[0]  # the page's script switches it by this name
     looks = {
         "measured": {"color": MEASURED, "line_width": 1.2},
-        "first": {"color": FIRST, "line_width": 1.6},
-        "second": {"color": SECOND, "line_width": 1.6, "line_dash": [6, 3]},
-        "aside": {"color": ASIDE, "line_width": 2.2, "line_dash": [10, 5]},
+        "model": {"color": MODEL, "line_width": 1.8},
+        "other": {"color": OTHER, "line_width": 1.4, "line_dash": [6, 3]},
     }
     return {"name": curve, **looks[curve]}
 
@@ -125,12 +131,10 @@ def _line(column: str) -> dict:
 def _add_hover(picture: figure, across: str, ups: Sequence[str], source: ColumnDataSource) -> None:
     """Show the values of all curves at the pointer, by an invisible line even if curves are switched off."""
     carrier = "measured" if "measured" in ups else ups[-1]
-    unseen = picture.line(across, carrier, source=source, color=SECOND, alpha=0)
+    unseen = picture.line(across, carrier, source=source, color=MODEL, alpha=0)
     digits = CustomJSHover(code="return Number.isFinite(value) ? value.toPrecision(4) : '–'")
     names = (across, *ups)
-    tooltips = [
-        (name.replace("_", " ").replace("aside", "set aside"), f"@{name}{{custom}}") for name in names
-    ]
+    tooltips = [(name.replace("_", " "), f"@{name}{{custom}}") for name in names]
     formatters = {f"@{name}": digits for name in names}
     mode = "mouse" if picture.name == "loop" else "vline"  # a loop passes a depth more than once
     hover = HoverTool(renderers=[unseen], tooltips=tooltips, formatters=formatters, mode=mode)
@@ -138,7 +142,7 @@ def _add_hover(picture: figure, across: str, ups: Sequence[str], source: ColumnD
 
 
 def _figure(name: str, across: str, up: str, **more) -> figure:
-    tools = {"tools": "box_select,pan,box_zoom,wheel_zoom,reset", "active_drag": "box_select"}
+    tools = {"tools": "box_select", "toolbar_location": None}
     return plain_figure(name, across, up, height=_HEIGHT, left=70, **tools, **more)
 
 
@@ -155,7 +159,7 @@ def _draw_means(picture: figure, source: ColumnDataSource, across: str, columns:
 
 
 def _draw_cells(plane: figure, error: str) -> None:
-    """Draw the RMS of the first model's error in cells of position and velocity."""
+    """Draw the RMS of the model's error in cells of position and velocity."""
     cells = empty_source(CELLS, ("position", "velocity", "width", "height", "rms"))
     light_to_dark = list(reversed(Blues256))[16:]  # one hue: the order survives in grey
     mapper = LinearColorMapper(palette=light_to_dark, low=0, high=1, name="shading")
@@ -166,7 +170,7 @@ def _draw_cells(plane: figure, error: str) -> None:
 
 
 def _spectrum(experiment: Experiment) -> figure:
-    spectrum = empty_source(SPECTRUM, ("frequency", "noise", "marker", "first", "second", "aside"))
+    spectrum = empty_source(SPECTRUM, ("frequency", "noise", "marker", "model", "other"))
     up, logarithmic = f"Error ({experiment.output_unit}/√Hz)", {"x_axis_type": "log", "y_axis_type": "log"}
     picture = _figure("spectrum", "Frequency (Hz)", up, **logarithmic)
     # Below two decades Bokeh takes the steps of a linear axis: crowded above, no label below.
@@ -174,8 +178,8 @@ def _spectrum(experiment: Experiment) -> figure:
     picture.yaxis.ticker = picture.ygrid.ticker = steps
     picture.yaxis.formatter = BasicTickFormatter(use_scientific=False)
     picture.line("frequency", "noise", source=spectrum, color=NOISE, line_width=3, alpha=0.6)
-    picture.scatter("frequency", "first", source=spectrum, marker="marker", size=5, color=FIRST, name="first")
-    curves = ("aside", "first", "second")
+    picture.scatter("frequency", "model", source=spectrum, marker="marker", size=5, color=MODEL, name="model")
+    curves = ("other", "model")
     for curve in curves:
         picture.line("frequency", curve, source=spectrum, **_line(curve) | {"line_width": 1.4})
     _add_hover(picture, "frequency", curves, spectrum)

@@ -1,13 +1,14 @@
 """Data of the page of a diagnosis: every record, and every fitted model simulated on each record."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from lumbar.records.record import Record
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment, simulate_in_session
-from lumbar.tissue.diagnosis.residuals.locate import residual_of, simulation
+from lumbar.tissue.diagnosis.residuals.candidate_causes import rank_causes
+from lumbar.tissue.diagnosis.residuals.locate import Location, residual_of, simulation
 from lumbar.tissue.diagnosis.residuals.motion_diagnostics import reversal_reach, reversals
 from lumbar.tissue.diagnosis.residuals.time_frequency import EVEN, EXCITED, ODD, excited_lines, line_classes
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
@@ -57,6 +58,8 @@ class RecordData:
     """Amplitude density of the noise in the output's unit per √Hz, shape (lines,); None if unknown."""
     marker: list[str]
     """Bokeh's marker for every line of the spectrum; ``dot`` for lines without a class."""
+    step: int
+    """Step between drawn samples: 1, or more for long records."""
 
     @property
     def name(self) -> str:
@@ -96,12 +99,16 @@ class PageModel:
     """Error on training records in the output's unit."""
     test_rms: float | None
     """Error on unseen records in the output's unit; None without unseen records."""
-    values: dict[str, np.ndarray]
-    """Simulated output at drawn samples by record."""
+    errors: dict[str, np.ndarray]
+    """Measured less simulated output at drawn samples by record, as 16-bit integers in units of `scales`."""
+    scales: dict[str, float]
+    """Unit of `errors` by record, in the output's unit."""
     density: dict[str, np.ndarray]
     """Amplitude density of the model's error by record."""
     merits: dict[str, dict[str, float]]
     """Figures of merit ``rms``, ``vaf`` and ``fit`` by record, over all samples after the settling time."""
+    located: dict[str, Location] = field(default_factory=dict)
+    """Location of the error by record; empty for models of the thesis."""
 
 
 def model_key(effects: Sequence[str]) -> str:
@@ -110,18 +117,22 @@ def model_key(effects: Sequence[str]) -> str:
 
 
 def fitted_candidates(diagnosis: DiagnosisResult) -> list[Candidate]:
-    """Return every fitted set of effects, without repetitions: first the path, then the ranking."""
-    fitted = [*diagnosis.path, *(item.candidate for item in diagnosis.ranking)]
-    return list({model_key(item.effects): item for item in fitted}.values())
+    """Return every fitted set of effects, without repetitions: the path, the ranking, then the other sets that were tried."""
+    fitted = [*diagnosis.path, *(item.candidate for item in diagnosis.ranking), *diagnosis.tried]
+    return list({model_key(item.effects): item for item in reversed(fitted)}.values())[::-1]
 
 
-def gather_records(diagnosis: DiagnosisResult, step: int) -> list[RecordData]:
-    """Return every record of a diagnosis for drawing, with every `step`-th sample."""
+def gather_records(diagnosis: DiagnosisResult, samples: int) -> list[RecordData]:
+    """Return every record of a diagnosis for drawing, with at most `samples` samples together: long records are thinned."""
     experiment = diagnosis.experiment
     training = {item.name for item in getattr(experiment.training, "parts", (experiment.training,))}
-    base = diagnosis.base.fit.structure.base
+    base, most, left = diagnosis.base.fit.structure.base, 1, samples
+    lengths = sorted(map(len, experiment.records))
+    for place, length in enumerate(lengths):
+        most = max(left // (len(lengths) - place), 1)
+        left -= min(length, most)
     return [
-        _record_data(for_base(record, base), record.name in training, experiment, step)
+        _record_data(for_base(record, base), record.name in training, experiment, -(-len(record) // most))
         for record in experiment.records
     ]
 
@@ -148,8 +159,11 @@ def _record_data(record: Record, is_training: bool, experiment: Experiment, step
     noise = None
     if residual.floor is not None:
         noise = np.sqrt(2 * record.sampling_time * residual.noise_power(frequency))
-    drawn = {name: values[::step].astype(np.float32) for name, values in columns.items()}
-    return RecordData(record, is_training, first, rows, drawn, frequency, noise, marker)
+    drawn = {
+        name: values[::step].astype(np.int8 if name == "turned" else np.float32)
+        for name, values in columns.items()
+    }
+    return RecordData(record, is_training, first, rows, drawn, frequency, noise, marker, step)
 
 
 def _since_reversal(record: Record) -> tuple[np.ndarray, np.ndarray]:
@@ -165,12 +179,15 @@ def _since_reversal(record: Record) -> tuple[np.ndarray, np.ndarray]:
 
 
 def simulate_candidate(
-    candidate: Candidate, experiment: Experiment, records: Sequence[RecordData], step: int
+    candidate: Candidate, experiment: Experiment, records: Sequence[RecordData]
 ) -> PageModel:
-    """Simulate the base with effects on every record; every `step`-th sample is drawn."""
+    """Simulate the base with effects on every record."""
     simulate = simulation(
         [item.record for item in records], candidate.fit, experiment.surface, experiment.session
     )
+    simulated = {item.name: simulate(item.record) for item in records}
+    residuals = [residual_of(item.record, simulated[item.name], experiment) for item in records]
+    causes, named = rank_causes(residuals), zip(records, residuals, strict=True)
     return PageModel(
         model_key(candidate.effects),
         candidate.effects,
@@ -178,14 +195,15 @@ def simulate_candidate(
         EFFECTS_GROUP,
         candidate.train_rms,
         candidate.test_rms,
-        *_simulate(simulate, records, step),
+        *_compare(simulated, records),
+        {item.name: Location.from_residual(item.name, residual, causes) for item, residual in named},
     )
 
 
 def simulate_thesis_model(
-    model: FittedModel, experiment: Experiment, records: Sequence[RecordData], step: int
+    model: FittedModel, experiment: Experiment, records: Sequence[RecordData]
 ) -> PageModel:
-    """Simulate a model of the thesis on every record; every `step`-th sample is drawn.
+    """Simulate a model of the thesis on every record.
 
     Raises
     ------
@@ -194,7 +212,7 @@ def simulate_thesis_model(
     """
     seen = [item.record for item in records]
     simulate = simulate_in_session(seen, model.simulate) if experiment.session else model.simulate
-    values, density, merits = _simulate(simulate, records, step)
+    drawn, scales, density, merits = _compare({item.name: simulate(item.record) for item in records}, records)
     errors: list[float | None] = []
     for is_training in (True, False):
         counted = [item for item in records if item.is_training == is_training]
@@ -203,20 +221,21 @@ def simulate_thesis_model(
         errors.append(float(np.sqrt(sum(squares) / sum(sizes))) if counted else None)
     label = model.name if model.estimator == GIVEN else f"{model.name} ({_ESTIMATORS[model.estimator]})"
     key, group = f"{model.name}:{model.estimator}", _THESIS_GROUPS[model.estimator]
-    return PageModel(key, (), label, group, *errors, values, density, merits)
+    return PageModel(key, (), label, group, *errors, drawn, scales, density, merits)
 
 
-def _simulate(simulate: Callable[[Record], np.ndarray], records: Sequence[RecordData], step: int):
-    """Return simulated output, density of its error and figures of merit, each by record."""
-    values, density, merits = {}, {}, {}
+def _compare(simulated: Mapping[str, np.ndarray], records: Sequence[RecordData]):
+    """Return errors with their units, density of the error and figures of merit of simulated outputs, each by record."""
+    errors, scales, density, merits = {}, {}, {}, {}
     for item in records:
-        simulated = simulate(item.record)
-        measured, output = item.record["output"][item.first :], simulated[item.first :]
-        values[item.name] = simulated[::step].astype(np.float32)
+        drawn = (item.record["output"] - simulated[item.name])[:: item.step]
+        scales[item.name] = float(np.abs(drawn).max()) / np.iinfo(np.int16).max or 1.0
+        errors[item.name] = np.round(drawn / scales[item.name]).astype(np.int16)
+        measured, output = item.record["output"][item.first :], simulated[item.name][item.first :]
         density[item.name] = item.density(measured - output)
         merits[item.name] = {
             "rms": float(np.sqrt(np.mean((measured - output) ** 2))),
             "vaf": variance_accounted_for(measured, output),
             "fit": fit_ratio(measured, output),
         }
-    return values, density, merits
+    return errors, scales, density, merits

@@ -1,4 +1,4 @@
-// Where the first model fails: its error in the motion, over depth, around reversals; and what is marked in all pictures.
+// Where the model fails: its error in the motion, over depth, around reversals; and what is marked in all pictures.
 "use strict";
 window.lumbarWhere = (shown, named, put, digits, page) => {
   const CELLS = 24;
@@ -23,7 +23,7 @@ window.lumbarWhere = (shown, named, put, digits, page) => {
 
   // Root mean square error in cells of position and velocity.
   function plane() {
-    const { position, velocity, first_error: error } = shown();
+    const { position, velocity, model_error: error } = shown();
     const [x, y] = [span(position), span(velocity)];
     const [sums, numbers] = [new Float64Array(CELLS * CELLS), new Float64Array(CELLS * CELLS)];
     for (let i = 0; i < error.length; i++) {
@@ -45,18 +45,18 @@ window.lumbarWhere = (shown, named, put, digits, page) => {
   }
 
   function depth() {
-    const { position, velocity, first_error: first, second_error: second } = shown();
+    const { position, velocity, model_error: model, other_error: other } = shown();
     const x = span(position);
     const along = (sign) => (i) => (sign * velocity[i] > 0 ? x.cell(position[i]) : undefined);
     put("depth means", {
       position: Array.from({ length: CELLS }, (_, cell) => x.low + (cell + 0.5) * x.step),
-      first_advancing: means(first, CELLS, along(1)), first_retracting: means(first, CELLS, along(-1)),
-      second_advancing: means(second, CELLS, along(1)), second_retracting: means(second, CELLS, along(-1)),
+      model_advancing: means(model, CELLS, along(1)), model_retracting: means(model, CELLS, along(-1)),
+      other_advancing: means(other, CELLS, along(1)), other_retracting: means(other, CELLS, along(-1)),
     });
   }
 
   function turns() {
-    const { time, since, first_turned: first, second_turned: second } = shown();
+    const { time, since, model_turned: model, other_turned: other } = shown();
     let reach = 0;
     for (const value of since) if (Math.abs(value) > reach) reach = Math.abs(value);
     const step = Math.max(time[1] - time[0], reach / CELLS);
@@ -65,7 +65,7 @@ window.lumbarWhere = (shown, named, put, digits, page) => {
     const count = reach > 0 ? 2 * half + 1 : 0;
     put("turn means", {
       since: Array.from({ length: count }, (_, bin) => (bin - half) * step),
-      first: means(first, count, group), second: means(second, count, group),
+      model: means(model, count, group), other: means(other, count, group),
     });
   }
 
@@ -92,9 +92,9 @@ window.lumbarWhere = (shown, named, put, digits, page) => {
     }
   }
 
-  // The first model's error, padded; with the frequencies' distance in Hz.
+  // The model's error, padded; with the frequencies' distance in Hz.
   function transformed(weight) {
-    const { time, first_error: error } = shown();
+    const { time, model_error: error } = shown();
     const length = 2 ** Math.ceil(Math.log2(error.length));
     const [real, imaginary] = [new Float64Array(length), new Float64Array(length)];
     for (let i = 0; i < error.length; i++) real[i] = weight(i) * error[i];
@@ -102,7 +102,7 @@ window.lumbarWhere = (shown, named, put, digits, page) => {
     return { real, imaginary, spacing: 1 / (length * (time[1] - time[0])) };
   }
 
-  // What of the first model's error lies in a band of frequencies.
+  // What of the model's error lies in a band of frequencies.
   function inBand(low, high) {
     const { real, imaginary, spacing } = transformed(() => 1);
     const length = real.length;
@@ -140,8 +140,8 @@ window.lumbarWhere = (shown, named, put, digits, page) => {
     const rms = (name) => Math.sqrt(inside.reduce((sum, i) => sum + data[name][i] ** 2, 0) / inside.length);
     return inside.length === 0
       ? "Draw a box in a picture to mark the same samples in all of them."
-      : `${inside.length} samples marked: error ${digits(rms("first_error"))} ${page.unit} RMS with the first model, ` +
-        `${digits(rms("second_error"))} ${page.unit} with the second.`;
+      : `${inside.length} samples marked: error ${digits(rms("model_error"))} ${page.unit} RMS` +
+        `${Number.isFinite(shown().other[0]) ? `, ${digits(rms("other_error"))} ${page.unit} with the compared model` : ""}.`;
   }
 
   function samples(belongs) {
@@ -158,14 +158,14 @@ window.lumbarWhere = (shown, named, put, digits, page) => {
   // Of a band of frequencies those samples are marked in which the error in it is larger than its root mean square.
   function band({ x0, x1 }) {
     const part = inBand(x0, x1);
-    const { first_error: error } = shown();
+    const { model_error: error } = shown();
     const square = (values) => values.reduce((sum, value) => sum + value * value, 0);
     const level = Math.sqrt(square(part) / part.length);
-    const { frequency, first } = named("lines").data;
+    const { frequency, model } = named("lines").data;
     const inside = Array.from(frequency.keys()).filter((i) => frequency[i] >= x0 && frequency[i] <= x1);
-    const lines = { frequency: inside.map((i) => frequency[i]), density: inside.map((i) => first[i]) };
+    const lines = { frequency: inside.map((i) => frequency[i]), density: inside.map((i) => model[i]) };
     const share = digits((100 * square(part)) / square(error));
-    return `${digits(x0)} to ${digits(x1)} Hz hold ${share} % of the first model's error. Where it is largest: ` +
+    return `${digits(x0)} to ${digits(x1)} Hz hold ${share} % of the model's error. Where it is largest: ` +
       mark(samples((i) => Math.abs(part[i]) > level), lines);
   }
 

@@ -12,10 +12,23 @@ from lumbar.tissue.diagnosis.evidence.evidence import ALIKE, Evidence, limitatio
 from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection import sentences
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, likelihood_ratio
-from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult, Ranked
+from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult, Ranked, Status
 from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 from lumbar.tissue.models.form import Effect
+
+
+def verdict_chip(diagnosis: DiagnosisResult) -> tuple[str, str]:
+    """Return the verdict in a few words, and its colour in the style of all pages."""
+    if diagnosis.status == Status.NAMED:
+        if diagnosis.is_incomplete:
+            return "named, incomplete", "warn"
+        return ("complete", "good") if diagnosis.complete else ("named, completeness unknown", "warn")
+    return {
+        Status.TIED: ("not distinguishable", "warn"),
+        Status.UNEXPLAINED: ("unexplained", "bad"),
+        Status.ADEQUATE: ("nothing missing", "good"),
+    }[diagnosis.status]
 
 
 def diagnosis_page(

@@ -133,6 +133,15 @@ class Location:
         return self.residual.share(float(np.mean(self.residual.values)) ** 2)
 
     @property
+    def size(self) -> str:
+        """Size of the error, and of its part that is not noise if the noise is known."""
+        residual = self.residual
+        unit, rms = residual.unit, np.sqrt(residual.variance)
+        if residual.floor is None:
+            return f"{self.record}: the error is {rms:.3g} {unit}"
+        return f"{self.record}: {np.sqrt(residual.explainable):.3g} {unit} of the error's {rms:.3g} {unit} are not noise"
+
+    @property
     def headline(self) -> str:
         """The main finding in one sentence."""
         residual, floor = self.residual, self.residual.floor
@@ -149,12 +158,7 @@ class Location:
             return f"{error}, hardly more than the noise floor of {floor.rms:.3g} {unit}; significant views describe the rest."
         listed = [f"{name} ({percent(share)})" for name, share in self.shares.items() if share >= 0.005]
         along = f"it is seen along {', '.join(listed[:3])}" if listed else "no view accounts for it"
-        if floor is None:
-            return f"{error}; {along}{constant}; the views overlap."
-        return (
-            f"{self.record}: {np.sqrt(residual.explainable):.3g} {unit} of the error's {rms:.3g} {unit} are not noise; {along}"
-            f"{constant}; the views overlap."
-        )
+        return f"{self.size}; {along}{constant}; the views overlap."
 
     @property
     def sentences(self) -> list[str]:

@@ -6,7 +6,7 @@ from itertools import pairwise
 from lumbar.base.formats import format_number, percent
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.noise.noise_floor import NoiseFloor
-from lumbar.tissue.diagnosis.selection.candidate import contradictions, is_adequate
+from lumbar.tissue.diagnosis.selection.candidate import ADEQUATE, Candidate, contradictions, is_adequate
 from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult, Ranked, Status
 from lumbar.tissue.diagnosis.selection.thresholds import EXPLAINS, LEVEL
 from lumbar.tissue.effects.catalogue import CHANNELS
@@ -97,6 +97,27 @@ def explain(result: DiagnosisResult) -> list[str]:
         f"{item.step}: {item.reason}" + (f" [decided: {item.status}]" if item is decided else "")
         for item in result.steps
     ]
+
+
+def model_sentence(model: Candidate, base: Candidate, experiment: Experiment, is_noise: bool) -> str:
+    """Describe the unseen error of a model: its fall from that of the base, and whether it is noise."""
+    unit, data, floor = experiment.output_unit, experiment.test_data, experiment.floor
+    name = base.fit.structure.base.name
+    before, after = distinguishing_digits([base.test_rms, model.test_rms], 3)
+    error = f"{name} leaves {before} {unit} on {data}"
+    if model.effects:
+        fall = f"instead of {before} {unit}"
+        if model.test_rms >= base.test_rms:
+            fall = f"no less than {name} by itself ({before} {unit})"
+        error = f"With {effects_text(model.effects)} {name} leaves {after} {unit} on {data}, {fall}"
+    if floor is None:
+        return f"{error}. No record repeats, so how much of it is noise is unknown."
+    error += f", {times_floor(model.test_rms, floor)} times the noise"
+    if not is_noise:
+        return f"{error}: something is missing."
+    if model.test_rms <= ADEQUATE * floor.rms:
+        return f"{error}: only noise is left, as far as these records show."
+    return f"{error}: no more than a right model would leave."
 
 
 def error_falls(result: DiagnosisResult) -> str:
