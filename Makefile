@@ -16,7 +16,7 @@ export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
 results: environment ## every table, figure and FMU of the study (default target)
 	@python -m lumbar.base.yaml_file $(STUDY_FILE) # Snakemake would name no file and no line
-	snakemake --cores $(CORES) $(CONFIGFILE)
+	snakemake --cores $(CORES) $(CONFIGFILE) --logger lumbar # workflow/snakemake_logger_plugin_lumbar
 
 environment: $(VENV)/installed ## .venv from the lock
 

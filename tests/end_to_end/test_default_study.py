@@ -55,7 +55,9 @@ def coarse_run(tmp_path_factory):
 def whole_run(tmp_path_factory):
     """Folder of a project copy in which the default study was run as users run it."""
     folder = copy_project(tmp_path_factory.mktemp("default"))
-    done(folder, "--cores", "2")
+    # As "make" does it.
+    printed = done(folder, "--cores", "2", "--logger", "lumbar", env={"PYTHONPATH": str(folder / "workflow")})
+    (folder / "printed.txt").write_text(printed.text, encoding="utf-8")
     return folder
 
 
@@ -142,6 +144,17 @@ def change_mass(folder: Path, subject: str) -> None:
     changed = re.sub(r"(?m)^(  mass_kg: )([\d.]+)", lambda match: f"{match[1]}{float(match[2]) + 6}", text)
     assert changed != text
     path.write_text(changed, encoding="utf-8")
+
+
+@pytest.mark.nightly
+def test_run_ends_with_what_was_found_in_few_lines(whole_run):
+    lines = (whole_run / "printed.txt").read_text(encoding="utf-8").splitlines()
+    assert len(lines) <= 40
+    assert any(re.fullmatch(r"\d+ of \d+ jobs done, about .* left", line) for line in lines)
+    clearest = next(line for line in lines if "error " in line)
+    assert clearest.startswith("  two_hidden_effects: ") and "0.397 to 0.015 N" in clearest
+    page = lines[-1].removeprefix("Open this page: ")
+    assert (whole_run / page).is_file()
 
 
 def test_changed_library_module_reruns_its_users(folder):

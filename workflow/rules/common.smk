@@ -7,7 +7,8 @@ from pathlib import Path
 from snakemake.io import sourcecache_entry
 
 from run.dependencies import library_code
-from run.jobs import job_size, remove_half_written, set_job_environment, warnings_in
+from run.jobs import expected_seconds, job_size, remove_half_written, set_job_environment
+from run.summary import grouped_warnings, summary
 from lumbar.base.environment import describe_environment
 from lumbar.base.errors import LumbarError
 from lumbar.base.yaml_file import shipped_yaml

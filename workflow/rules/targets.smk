@@ -25,6 +25,11 @@ for artefact in ARTEFACTS:
 
 onstart:
     remove_half_written(workflow.dag.needrun_jobs())
+    # Expected seconds of each job, for the time left that the logger of "make" shows.
+    seconds = {
+        job.jobid: expected_seconds(job.resources.get("runtime")) for job in workflow.dag.needrun_jobs()
+    }
+    logger.info("", extra={"job_seconds": seconds})
     if study.has("tissue") and settings.tissue.layout.axes:
         print(
             "Records of several axes: Table 3.1 and what is made of its models take one axis and are left out."
@@ -32,11 +37,12 @@ onstart:
 
 
 onsuccess:
-    warnings = warnings_in(at_hand(path) for job in workflow.dag.jobs for path in job.log)
-    print(*dict.fromkeys(warnings), sep="\n")
-    print(f"Results of the study {STUDY!r} ({study.data_label}): {address(f'results/{STUDY}')}")
+    logs = [at_hand(path) for job in workflow.dag.jobs for path in job.log]
+    found = [f"  {line}" for line in summary(Path(at_hand(f"results/{STUDY}")))]
+    place = f"Results of the study {STUDY!r} ({study.data_label}): {address(f'results/{STUDY}')}"
+    print(*grouped_warnings(logs), place, *found, sep="\n")
     if Path(at_hand(f"results/{STUDY}/report.html")).is_file():
-        print(f"All of it on one page: {address(f'results/{STUDY}/report.html')}")
+        print(f"Open this page: {address(f'results/{STUDY}/report.html')}")
 
 
 onerror:

@@ -1,4 +1,4 @@
-"""Jobs of a run: their environment, their size on a cluster, their warnings, and the remains of a killed run."""
+"""Jobs of a run: their environment, their size on a cluster, and the remains of a killed run."""
 
 import ctypes
 import os
@@ -42,6 +42,11 @@ def job_size(peak_mb: float, seconds: float) -> dict:
     }
 
 
+def expected_seconds(runtime_min: float | None) -> float:
+    """Return the measured seconds behind a rule's ``runtime`` of `job_size`; 0 for a rule without one, which runs nothing."""
+    return max((60 * runtime_min - START_S) / TIME_HEAD_ROOM, 0.0) if runtime_min else 0.0
+
+
 _PR_SET_PDEATHSIG = 1
 """Linux prctl(2): the signal that a process receives when its parent ends."""
 
@@ -64,15 +69,3 @@ def remove_half_written(jobs: Iterable) -> None:
         for name, left in leftover_temp_files(folder):
             if name in outputs:
                 shutil.rmtree(left, ignore_errors=True)
-
-
-def warnings_in(logs: Iterable[str]) -> list[str]:
-    """Return the lines of log files that begin with ``WARNING``, each with the indented lines below it."""
-    lines: list[str] = []
-    for log in map(Path, logs):
-        inside = False
-        for line in log.read_text(encoding="utf-8").splitlines() if log.is_file() else ():
-            inside = line.startswith("WARNING") or (inside and line.startswith(" "))
-            if inside:
-                lines.append(line)
-    return lines

@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 import traceback
+from contextlib import redirect_stderr, redirect_stdout
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, the convention for programs ended by SIGINT."""
@@ -14,34 +15,41 @@ def stem(files) -> str:
     return os.path.splitext(files[0])[0]  # noqa: PTH122 - a string, as outputs are
 
 
-class _Tee:
-    """Standard error that is also written to the rule's log."""
+class _Log:
+    """Standard output and error of a job: the rule's log file."""
 
-    def __init__(self, terminal, path):
-        self.terminal = terminal
+    def __init__(self, path, terminal):
         self.path = path
-        self.log = open(path, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - open until `close`
+        self.terminal = terminal
+        self.file = open(path, "w", encoding="utf-8")  # noqa: PTH123, SIM115 - open until `close`
 
     def write(self, text: str) -> int:
-        self.terminal.write(text)
-        self._to_log(lambda: self.log.write(text))
+        self._try(lambda: self.file.write(text))
         return len(text)
 
     def flush(self) -> None:
-        self.terminal.flush()
-        self._to_log(lambda: self.log.flush())
+        self._try(lambda: self.file.flush())
 
     def close(self) -> None:
-        self._to_log(lambda: self.log.close())
+        self._try(lambda: self.file.close())
 
-    def _to_log(self, action) -> None:
-        """Write to the log; report a full disk a single time, so that the job's error stays visible."""
-        if self.log is None:
+    def isatty(self) -> bool:
+        return False
+
+    def show(self, error: str, status: int = 1) -> int:
+        """Write an error to the log and to the terminal; return the exit status."""
+        self.write(f"{error}\n")
+        print(error, file=self.terminal)
+        return status
+
+    def _try(self, action) -> None:
+        """Write to the file; report a full disk a single time, so that the job's error stays visible."""
+        if self.file is None:
             return
         try:
             action()
         except OSError as error:
-            self.log = None
+            self.file = None
             self.terminal.write(f"{self.path}: {error.strerror}: the log ends here\n")
 
 
@@ -55,7 +63,7 @@ def run(main, snakemake) -> None:
     snakemake : Script
         Object that Snakemake gives to a script.
 
-    Warnings, progress and errors go to the rule's log file and to the terminal. Other exceptions are programming
+    Warnings and progress go to the rule's log file, errors to the terminal too. Other exceptions are programming
     errors: they keep their traceback.
     """
     from lumbar.base.errors import user_message
@@ -63,21 +71,20 @@ def run(main, snakemake) -> None:
 
     end_with_parent()
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # Snakemake ends a job by SIGTERM
-    terminal = sys.stderr
+    status = 0
+    log = _Log(snakemake.log[0], sys.stderr)
     try:
-        sys.stderr = _Tee(terminal, snakemake.log[0])
-        main(snakemake.input, snakemake.output, **_typed_parameters(main, snakemake.params))
+        with redirect_stdout(log), redirect_stderr(log):
+            main(snakemake.input, snakemake.output, **_typed_parameters(main, snakemake.params))
     except KeyboardInterrupt:
-        print(f"{snakemake.rule}: interrupted", file=sys.stderr)
-        sys.exit(INTERRUPTED)
+        status = log.show(f"{snakemake.rule}: interrupted", INTERRUPTED)
     except Exception as error:
         message = user_message(error)
-        print(f"{snakemake.rule}: {message}" if message else traceback.format_exc(), file=sys.stderr)
-        sys.exit(1)
+        status = log.show(f"{snakemake.rule}: {message}" if message else traceback.format_exc())
     finally:
-        if sys.stderr is not terminal:
-            sys.stderr.close()
-            sys.stderr = terminal
+        log.close()
+    if status:
+        sys.exit(status)
 
 
 def _typed_parameters(main, params) -> dict:
