@@ -39,17 +39,34 @@ def foreign_lift(folder, **aliases):
     return lumbar.lift(folder / "lift.c3d", subject, settings=settings)
 
 
-def test_absent_parts_are_one_sentence_after_the_figure(tmp_path):
+def numbers_of(html):
+    """Return the text after each name of the four numbers."""
+    (listed,) = re.findall(r'<dl class="numbers">(.*?)</dl>', html, flags=re.S)
+    return {
+        name: re.sub(r"<.*?>", " ", rest).split()
+        for name, rest in re.findall(r"<dt>(.*?)</dt>(.*?)</div>", listed)
+    }
+
+
+def test_four_numbers_are_next_to_the_figure(saved_lift):
+    numbers = numbers_of(saved_lift[1])
+    assert len(numbers) == 4 and "N·m" in numbers["L5/S1 moment peak carried"]
+    assert not any("computed:" in words or "nan" in words for words in numbers.values())
+    assert (
+        saved_lift[1].index('id="time"')
+        < saved_lift[1].index('id="picture-side"')
+        < saved_lift[1].index('"numbers"')
+    )
+
+
+def test_absent_parts_are_named_with_their_reason(tmp_path):
     lift = foreign_lift(tmp_path, L_SHOULDER=None, T12=PointBetween(between=("C7", "SACRUM"), share=0.7))
     html = lumbar.lift_page(lift).to_html()
-    (absent,) = re.findall(r'<p id="absent">(.*?)</p>', html)
-    for tokens in (
-        "L5/S1 moment peak carried, margin of stability, smallest impulse (no L_SHOULDER)",
-        "flexion … T12",
-    ):
-        assert has_tokens(absent, tokens)
-    assert "°" not in re.sub(r"<script.*?</script>", "", html, flags=re.S) and 'class="card"><h2>' not in html
-    assert html.index('id="picture-side"') < html.index('id="absent"')
+    numbers = {name: " ".join(words) for name, words in numbers_of(html).items()}
+    for name in ("L5/S1 moment peak carried", "Margin of stability", "Smallest impulse"):
+        assert numbers[name] == "Not computed: no L_SHOULDER"
+    assert has_tokens(numbers["Lumbar flexion peak carried"], "Not computed … T12")
+    assert "°" not in re.sub(r"<script.*?</script>", "", html, flags=re.S)
     assert 'aria-label="Push">' in html and 'data-mark="☒"' in html
 
 
@@ -57,5 +74,6 @@ def test_lift_of_hands_without_a_deposit_has_no_empty_sections(tmp_path):
     boxes = dict.fromkeys([f"BOX_{number}" for number in range(1, 9)])
     html = lumbar.lift_page(foreign_lift(tmp_path, **boxes, L_WRIST=None, R_WRIST=None)).to_html()
     assert html.count("the deposit is not known") == 1
+    assert all(words[:2] == ["Not", "computed:"] for words in numbers_of(html).values())
     assert all(f'aria-label="{name}" hidden>' in html for name in ("Pendulum", "Push"))
     assert 'data-mark="☒"' not in html

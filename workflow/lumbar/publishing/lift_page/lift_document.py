@@ -85,13 +85,13 @@ def _fix_ranges(picture: figure, name: str) -> None:
     """Fix the ranges to bounds that the script sets, with equal scales."""
     corners = ColumnDataSource({"x": [-0.5, 0.5], "y": [-0.5, 0.5]}, name=name)
     unseen = picture.scatter("x", "y", source=corners, size=0, alpha=0)
-    picture.x_range = DataRange1d(renderers=[unseen], range_padding=0.06)
-    picture.y_range = DataRange1d(renderers=[unseen], range_padding=0.06)
+    picture.x_range = DataRange1d(renderers=[unseen], range_padding=0.1)
+    picture.y_range = DataRange1d(renderers=[unseen], range_padding=0.1)
 
 
 def _body(name: str, across: str) -> figure:
     """Draw stick figure, centres of mass and pendulums."""
-    picture = _figure(name, across, "z, up (m)", 420, match_aspect=True)
+    picture = _figure(name, across, "z, up (m)", 380, match_aspect=True)
     _fix_ranges(picture, f"{name}:bounds")
     ink, dash = {"line_color": MEASURED, "line_width": 2.5}, {"line_dash": {"field": "dash"}}
     _draw(picture.scatter, f"{name}:head", "x", "z", size=20, fill_color=None, name="ink head", **ink)
@@ -107,7 +107,7 @@ def _body(name: str, across: str) -> figure:
 
 def _top_view() -> figure:
     """Draw base of support, centre of mass and extrapolated centre from above."""
-    picture = _figure("above", "x, to the right (m)", "y, forward (m)", 420, match_aspect=True)
+    picture = _figure("above", "x, to the right (m)", "y, forward (m)", 380, match_aspect=True)
     _fix_ranges(picture, "above:bounds")
     _draw(picture.patch, "above:base", "x", "y", fill_color=GREY, fill_alpha=0.35, line_color=GREY)
     _draw(picture.line, "above:used", "x", "y", color=MEASURED, line_width=1.6, name="ink used")
@@ -123,6 +123,7 @@ def _course(name: str, up: str, **more) -> figure:
     ranges = {"x_range": Range1d(0, 1), "y_range": Range1d(0.1, 1), **more}  # the page's script sets them
     picture = _figure(name, "Time (s)", up, 220, "xpan,xbox_zoom,xwheel_zoom,reset", **ranges)
     picture.toolbar.active_drag = picture.toolbar.active_scroll = None
+    picture.toolbar.autohide = True
     look = {"line_color": MEASURED, "line_width": 1.5, "name": f"ink now:{name}"}
     picture.add_layout(Span(dimension="height", location=np.nan, **look))
     picture.js_on_event("tap", CustomJS(code="window.lumbarLift.tapped(cb_obj)"))
@@ -220,7 +221,7 @@ class LiftPage:
     @property
     def title(self) -> str:
         """Title of the page."""
-        return f"Lift {self.lift.facts['lift']}"
+        return f"Lift {self.lift.facts['lift']}".replace("_", " ")
 
     def _sources(self) -> list[ColumnDataSource]:
         """Return the data that the page's script draws."""
@@ -279,42 +280,35 @@ class LiftPage:
             if item["name"] != "box" or self.lift.facts.get("load_seen_by") != "hands"
         ]
 
-    @cached_property
-    def _values(self) -> list[Any]:
-        """Rows of the headline measures."""
-        values = values_of_lift(self.course, self.lift.facts).drop_duplicates("measure")
-        return [row for row in values.itertuples() if MEASURES[row.measure].headline]
+    def _shorten(self, reason: str) -> str:
+        """Return a reason why something is missing; the one for the deposit is long and repeated."""
+        return "the deposit is not known" if reason == self.lift.facts["no_deposit"] else reason
 
     def _list_absent(self, failures: list[Failure]) -> str:
         """Return all parts that the lift lacks, each group with its reason; empty if it has all parts."""
-        no_deposit, groups = self.lift.facts["no_deposit"], {}
+        groups: dict[str, list[str]] = {}
         reasons = {
             EVENT_LABELS[name]: event["how"]
             for name, event in self.lift.events.items()
             if event["time_s"] is None
         }
-        names = {row.measure: print_measure(row.measure) for row in self._values}
-        reasons |= {
-            (name if name.startswith("L5") else name.lower()): row.reason
-            for row in self._values
-            if row.reason and (name := names[row.measure])
-        }
         reasons |= {f"pendulum of the {item.com}": item.reason for item in failures}
         for part, reason in reasons.items():
-            reason = "the deposit is not known" if reason == no_deposit else reason
-            groups.setdefault(reason, []).append(part)
+            groups.setdefault(self._shorten(reason), []).append(part)
         return "; ".join(f"{', '.join(parts)} ({reason})" for reason, parts in groups.items())
 
     def _measures(self) -> list[dict[str, str]]:
-        """Return name, value and safer direction of the headline measures that the lift has."""
+        """Return name, value and safer direction of the headline measures; of those that the lift lacks, the reason."""
 
         def typeset(value: float, unit: str) -> str:
             value, unit = (1000 * value, "mm") if unit == "m" else (value, unit)
             return typeset_minus_signs(f"{value:.3g} {unit}")
 
+        values = values_of_lift(self.course, self.lift.facts).drop_duplicates("measure")
         return [
             {
                 "name": print_measure(row.measure),
+                "reason": self._shorten(row.reason),
                 "value": typeset(row.value, row.unit),
                 "below": row.safer == "higher" and row.value < 0,
                 "told": headline_sentence(row.measure, row.value, typeset(abs(row.value), row.unit)),
@@ -322,8 +316,8 @@ class LiftPage:
                 "meaning": MEASURES[row.measure].meaning,
                 "phase": WINDOWS[MEASURES[row.measure].phase],
             }
-            for row in self._values
-            if not row.reason
+            for row in values.itertuples()
+            if MEASURES[row.measure].headline
         ]
 
     def _content(self) -> dict[str, Any]:
