@@ -173,11 +173,8 @@ def test_pictures_of_the_error_are_those_of_numpy(new_page, saved, diagnosis):
         "window.lumbar.brushBand({final: true, geometry: {type: 'rect', x0: 3, x1: 6, y0: 0, y1: 1}})"
     )
     error = shown["model_error"]
-    size = 2 ** int(np.ceil(np.log2(error.size)))
-    frequency = np.fft.rfftfreq(size, shown["time"][1] - shown["time"][0])
-    part = np.fft.irfft(np.where((frequency >= 3) & (frequency <= 6), np.fft.rfft(error, size), 0))[
-        : error.size
-    ]
+    frequency = np.fft.rfftfreq(error.size, shown["time"][1] - shown["time"][0])
+    part = np.fft.irfft(np.where((frequency >= 3) & (frequency <= 6), np.fft.rfft(error), 0), error.size)
     marked = np.count_nonzero(np.abs(part) > np.sqrt(np.mean(part**2)))
     message = page.locator("#region").inner_text()
     assert f"hold {100 * np.sum(part**2) / np.sum(error**2):.3g} % of the model's error" in message

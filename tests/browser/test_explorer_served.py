@@ -44,23 +44,27 @@ def test_from_a_blind_experiment_to_a_model(new_page, served):
     folder, addresses = served
     page = new_page(addresses["/records"], color_scheme="dark")
     mine = new_page(addresses["/_own"], ready="#choose")
-    page.get_by_role("button", name="Base alone").click()
-    add(page, "Coulomb friction")
+    add(page, "coulomb_friction")
     assert errors_of(page)[-1] < 0.25 * errors_of(page)[0]
-    add(page, "Inertia")  # computed on the server
-    page.wait_for_function("document.querySelectorAll('#ladder li').length === 3")
+    add(page, "inertia")  # computed on the server
+    page.wait_for_function("document.querySelectorAll('#ladder .rung').length === 3")
     assert "Fitted in" in page.locator("#message").inner_text()
-    assert "are not noise" in page.locator("#headline").inner_text()  # of the base, as before
+    assert page.locator("#chip").inner_text() == "only noise is left"
     page.reload()  # what was fitted is there again, and the address says what is shown
     page.wait_for_selector("body[data-ready=yes]")
-    page.wait_for_function("document.querySelectorAll('#ladder li').length === 3")
+    page.wait_for_function("document.querySelectorAll('#ladder .rung').length === 3")
     page.get_by_role("button", name="inertia earlier").click()
-    page.wait_for_function("document.querySelectorAll('#ladder li')[1].textContent.startsWith('+ inertia')")
+    page.wait_for_function(
+        "document.querySelectorAll('#ladder .rung')[1].textContent.startsWith('+ inertia')"
+    )
     assert errors_of(page)[1] > errors_of(page)[2]
-    page.get_by_role("button", name="inertia out").click()
+    page.get_by_role("button", name="coulomb friction out").click()
+    page.locator("summary", has_text="How sure is that?").click()
     with page.expect_download() as given:
-        page.get_by_role("button", name="Excitation file that tells Hysteresis").click()
+        page.get_by_role("button", name="Excitation file that tells the model shown").click()
     assert Path(given.value.path()).read_text(encoding="utf-8").startswith("time_s,position_mm")
+    page.get_by_role("button", name="Undo").click()
+    page.get_by_role("button", name="inertia out").click()
     page.get_by_role("button", name="Write model, tables, figures and FMU").click()
     page.wait_for_function("document.getElementById('message').textContent.includes('files written')")
     written = json.loads((folder / "explored" / "data" / "refined.json").read_text(encoding="utf-8"))
@@ -98,7 +102,8 @@ def give_own(page, folder: Path) -> None:
     page.get_by_label("Name of the set").fill("mine")
     page.keyboard.press("Enter")
     page.wait_for_selector("body[data-ready=yes]")
-    assert "missing coulomb friction" in page.locator(".headline").first.inner_text()
+    page.get_by_role("button", name="Show the best model").click()
+    page.locator("#sentence", has_text="missing coulomb friction").wait_for()
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from lumbar.base.yaml_file import read_yaml
 from lumbar.interface.lift_page import lift_page
 from lumbar.page_server.background import DRAWING, WRITING, Job, page_message
 from lumbar.page_server.recording_preview import curve_points
-from lumbar.publishing.explorer.explorer_page import ExplorerPage, equations, excitation_facts
+from lumbar.publishing.explorer.explorer_page import ExplorerPage, excitation_facts
 from lumbar.publishing.explorer.page_data import PageModel, model_key
 from lumbar.settings.lifting import StabilitySettings
 from lumbar.tissue.diagnosis.evidence.discrimination import separating_excitation
@@ -285,8 +285,7 @@ class TabRequests:
                 model.key: explored.page.facts(model, refit.path[-1], refit.path[0], refit.experiment)
                 for model, refit in zip(models, refits, strict=True)
             }
-            named = equations(refit.path[-1] for refit in refits)
-            return {"models": facts, "equations": named, "effects": effects}, models
+            return {"models": facts, "effects": effects}, models
         if action == "save":
             written = save_refinement(explored.refitted(effects), explored.output)
             return {"text": f"{len(written)} files written to {explored.output}."}, []

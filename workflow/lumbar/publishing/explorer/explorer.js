@@ -9,10 +9,8 @@ window.lumbar = (() => {
   let aside = null; // a path that was set aside, to be compared
   let asked = false; // whether the user asked for the best model
   const past = [];
-  let underway = ""; // last request to the server
-  let next = null; // and what comes after it
-  let number = 0;
-  let since; // when the server was asked
+  let number = 0; // of the last request to the server
+  let since; // when it was sent
   let playing; // timer of the automatic path
   let windowed; // record with the time that is shown
   let opening = null; // what the address asks for, while the server fits it
@@ -86,7 +84,7 @@ window.lumbar = (() => {
     told(key, record);
     ladder();
     chips();
-    parameters();
+    element("parameters").innerHTML = current().parameters;
     merits();
     reachable();
     remember();
@@ -163,11 +161,10 @@ window.lumbar = (() => {
     if (opening !== null) return; // not there yet
     const record = element("record");
     const state = {
-      path: added.join("+"), aside: aside === null ? "" : aside.join("+") || "base",
+      path: added.join(" "), aside: aside === null ? "" : aside.join(" ") || "base",
       record: record.value === record.options[0].value ? "" : record.value, compare: element("other").value,
     };
-    const changed = Object.entries(state).filter(([, value]) => value !== "");
-    const text = changed.map(([name, value]) => `${name}=${encodeURIComponent(value).replaceAll("%2B", "+")}`).join("&");
+    const text = String(new URLSearchParams(Object.entries(state).filter(([, value]) => value !== "")));
     if (session === undefined && text === "") return;
     session = text === "" ? "" : `#${text}`;
     try { history.replaceState(null, "", session || "#"); } catch { /* a frame whose address is not its own */ }
@@ -178,19 +175,10 @@ window.lumbar = (() => {
   function reopened() {
     if (!location.hash.includes("=")) {
       if (session) history.replaceState(null, "", session);
-      return;
-    }
-    if (location.hash === session) return;
-    const effects = (text) => (text === "base" ? [] : text.split("+"));
-    const readers = { path: effects, aside: effects, record: String, compare: String };
-    try {
-      opening = Object.fromEntries(location.hash.slice(1).split("&").map((part) => {
-        const [name, value] = [part.split("=", 1)[0], decodeURIComponent(part.slice(part.indexOf("=") + 1))];
-        if (!(name in readers)) throw new Error(`it knows no “${name}”; there are ${Object.keys(readers).join(", ")}`);
-        return [name, readers[name](value)];
-      }));
+    } else if (location.hash !== session) {
+      opening = Object.fromEntries(new URLSearchParams(location.hash.slice(1)));
       open();
-    } catch (error) { refused(error.message); }
+    }
   }
 
   function refused(words) {
@@ -200,21 +188,23 @@ window.lumbar = (() => {
 
   // Shows what the address asks for, after the server fitted what is not there.
   function open() {
-    for (const effects of [opening.path, opening.aside]) {
-      if (effects === undefined || (page.served ? steps(effects) : [effects]).every(known)) continue;
-      if (new Set(effects).size < effects.length) { refused(`${readable(effects)} names an effect twice`); return; }
-      if (!page.served) { refused(`this diagnosis did not fit ${readable(effects)}; "lumbar explore" fits effects of the catalogue`); return; }
-      ask({ action: "fit", effects }, `Fitting ${page.base} with ${readable(effects)}, as the address asks`);
+    const effects = (text) => (text === "base" ? [] : text.split(" "));
+    const { path = "base", aside: other, record = element("record").options[0].value, compare = "", ...strange } = opening;
+    for (const name of Object.keys(strange)) { refused(`it knows no “${name}”`); return; }
+    for (const wanted of [path, other ?? "base"].map(effects)) {
+      if ((page.served ? steps(wanted) : [wanted]).every(known)) continue;
+      if (new Set(wanted).size < wanted.length) refused(`${readable(wanted)} names an effect twice`);
+      else if (!page.served) refused(`this diagnosis did not fit ${readable(wanted)}; "lumbar explore" fits effects of the catalogue`);
+      else ask({ action: "fit", effects: wanted }, `Fitting ${page.base} with ${readable(wanted)}, as the address asks`);
       return;
     }
-    const { path = [], aside: other = null, record = element("record").options[0].value, compare = "" } = opening;
     for (const [id, value] of [["record", record], ["other", compare]]) {
       if ([...element(id).options].some((option) => option.value === value)) element(id).value = value;
       else { refused(`there is no ${id === "record" ? "record" : "model"} “${value}”`); return; }
     }
     opening = null;
-    aside = other;
-    take(path, false);
+    aside = other === undefined ? null : effects(other);
+    take(effects(path), false);
   }
 
   // The two seconds with the largest error of the model, without the start that does not count.
@@ -286,34 +276,18 @@ window.lumbar = (() => {
     return line;
   }
 
-  function fillTable(id, head, rows) {
-    const [above, body] = [made("thead", ""), made("tbody", "")];
-    above.append(row(head, "th", { scope: "col" }));
-    body.append(...rows);
-    document.querySelector(`#${id} table`).replaceChildren(above, body);
-  }
-
   // RMS error of every model on every record; the model that is shown is in bold.
   function merits() {
     const records = Object.keys(page.models.base.merits);
-    fillTable("merits", [`RMS error (${page.unit})`, ...records.map((name) => `${name} (${part(name)})`)],
-      Object.entries(page.models).map(([key, { label, merits: all }]) => {
-        const line = row(records.map((name) => digits(all[name].rms)), "td");
-        line.prepend(made("th", label, { scope: "row" }));
-        if (key === keyOf(added)) line.setAttribute("aria-current", "true");
-        return line;
-      }));
-  }
-
-  function parameters() {
-    const { forms, parameters: all } = current();
-    element("equations").replaceChildren(...["base", ...forms].map((key) => {
-      const [owner, equation] = page.equations[key];
-      const line = made("p", `${owner}: `);
-      line.insertAdjacentHTML("beforeend", equation);
-      return line;
-    }), ...added.map((name) => made("p", `${readable([name])}: ${page.effects[name].about}`)));
-    fillTable("parameters", ["part", "parameter", "value", "95 % interval", "unit"], all.map((cells) => row(cells, "td")));
+    const [head, body] = [made("thead", ""), made("tbody", "")];
+    head.append(row([`RMS error (${page.unit})`, ...records.map((name) => `${name} (${part(name)})`)], "th", { scope: "col" }));
+    for (const [key, { label, merits: all }] of Object.entries(page.models)) {
+      const line = row(records.map((name) => digits(all[name].rms)), "td");
+      line.prepend(made("th", label, { scope: "row" }));
+      if (key === keyOf(added)) line.setAttribute("aria-current", "true");
+      body.append(line);
+    }
+    element("merits").replaceChildren(head, body);
   }
 
   // Every model on every record, as a file.
@@ -439,14 +413,10 @@ window.lumbar = (() => {
     (again || element("message")).focus();
   }
 
-  // One thing after the other: what a person asks meanwhile comes next, a second click on the same button does not.
+  // One request at a time: what is clicked meanwhile is not done.
   function ask(content, words) {
-    if (document.body.hasAttribute("aria-busy")) {
-      if (JSON.stringify(content) !== underway) next = [content, words];
-      return;
-    }
+    if (document.body.hasAttribute("aria-busy")) return;
     number += 1;
-    underway = JSON.stringify(content);
     since = performance.now();
     say(words + " …");
     element("progress").hidden = false;
@@ -455,15 +425,7 @@ window.lumbar = (() => {
   }
 
   function answered(text) {
-    taken(JSON.parse(text));
-    if (next === null || document.body.hasAttribute("aria-busy")) return;
-    const wanted = next;
-    next = null;
-    ask(...wanted);
-  }
-
-  function taken(answer) {
-    Object.assign(page.equations, answer.equations);
+    const answer = JSON.parse(text);
     for (const [key, model] of Object.entries(answer.models || {})) {
       if (key in page.models) continue;
       page.models[key] = model;

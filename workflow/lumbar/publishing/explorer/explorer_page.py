@@ -1,6 +1,6 @@
 """Interactive page of a diagnosis: it starts at the base model, and every effect that the search tried can be added."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -23,9 +23,8 @@ from lumbar.publishing.explorer.page_data import (
     simulate_thesis_model,
 )
 from lumbar.publishing.figures.style import MODELS, SERIES
-from lumbar.publishing.pages.diagnosis_page import verdict_chip
-from lumbar.publishing.pages.html import equation
-from lumbar.tables.table_layout import unit_in_print
+from lumbar.publishing.pages.diagnosis_page import parameter_tables, verdict_chip
+from lumbar.publishing.pages.html import paragraph
 from lumbar.tissue.diagnosis.evidence.discrimination import Separation, motion_csv, separation_sentence
 from lumbar.tissue.diagnosis.evidence.evidence import EXCITATION, Evidence
 from lumbar.tissue.diagnosis.fitting.preparation import Experiment
@@ -36,8 +35,8 @@ from lumbar.tissue.diagnosis.residuals.residual import probability
 from lumbar.tissue.diagnosis.selection import sentences
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, is_adequate, leaves_noise, likelihood_ratio
 from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult, Status
-from lumbar.tissue.diagnosis.selection.sentences import distinguishing_digits, effects_text, readable
-from lumbar.tissue.diagnosis.selection.thresholds import LEVEL, number_of_forms
+from lumbar.tissue.diagnosis.selection.sentences import effects_text
+from lumbar.tissue.diagnosis.selection.thresholds import number_of_forms
 from lumbar.tissue.effects.catalogue import CHANNELS
 from lumbar.tissue.models.fitted_model import FittedModel
 from lumbar.tissue.models.form import Effect
@@ -131,7 +130,6 @@ class ExplorerPage:
             "title": self.title,
             "data": self.source_label,
             "findings": [item.sentence for item in verdict.findings],
-            "sure": confidence_sentences(verdict, self.evidence),
             "floor": "" if floor is None else f"{floor.rms:.3g} {verdict.experiment.output_unit}",
             "test_data": verdict.experiment.test_data,
             # Unseen records first, the record with the largest error first.
@@ -169,7 +167,6 @@ class ExplorerPage:
         facts = {model.key: self.facts(model, models.get(model.key)) for model in self.models}
         return {
             "unit": experiment.output_unit,
-            "test_data": experiment.test_data,
             "noise_rms": None if floor is None else floor.rms,
             "settling_s": {item.name: item.first * item.record.sampling_time for item in self.records},
             "base": base.name,
@@ -188,12 +185,10 @@ class ExplorerPage:
             "command": self._command(),
             "served": served,
             "trained": [record.name for record in self.records if record.is_training],
-            "pictures": [name for name, *_ in PICTURES[2:]],
             "excitations": {
                 model_key(item.effects): excitation_facts(separation, verdict) for item in separated
             },
             "effects": self._effects(),
-            "equations": equations(fitted),
             "models": facts,
         }
 
@@ -207,7 +202,7 @@ class ExplorerPage:
         return command + " --forward" * isinstance(self.result.base.fit.structure, ForwardStructure)
 
     def _effects(self) -> dict[str, dict[str, str]]:
-        """Return mechanism, experiment and reason why it was not tried (empty if it was) of every effect, by name."""
+        """Return mechanism and reason why it was not tried (empty if it was) of every effect, by name."""
         missing = {form.effect: channels for form, channels in self.result.not_tried}
         tried = {name for item in fitted_candidates(self.result) for name in item.effects}
         facts = {}
@@ -219,7 +214,6 @@ class ExplorerPage:
                 reason = f"needs {' and '.join(CHANNELS.get(role, role) for role in missing[name])}"
             facts[name] = {
                 "about": f"{effect.mechanism} {effect.sensors}".rstrip(),
-                "settles": effect.experiment,
                 "reason": reason,
             }
         return facts
@@ -244,6 +238,7 @@ class ExplorerPage:
         ranked = {item.candidate: item.p_value for item in self.result.ranking}
         is_listed = base is not None or candidate in (*self.result.path, *ranked)
         base, experiment = base or self.result.base, experiment or self.result.experiment
+        units = experiment.input_unit, experiment.output_unit
         is_noise = experiment.floor is not None and self._is_noise(candidate, experiment)
         text, tone = ("only noise is left", "good") if is_noise else ("something is missing", "warn")
         chance = ""
@@ -261,19 +256,13 @@ class ExplorerPage:
             "located": {
                 name: location_facts(item, self.catalogue, is_listed) for name, item in model.located.items()
             },
-            "forms": [form.key for form in candidate.fit.structure.forms],
-            "parameters": [
-                (
-                    readable(item.effect) or "base",
-                    readable(item.name),
-                    f"{item.value:.4g}",
-                    "not estimated" if item.low is None else f"{item.low:.4g} to {item.high:.4g}",
-                    unit_in_print(item.unit),
-                )
-                for item in estimates(
-                    candidate.fit, experiment.training, experiment.input_unit, experiment.output_unit
-                )
-            ],
+            "parameters": Markup().join(
+                parameter_tables(candidate, estimates(candidate.fit, experiment.training, *units))
+            )
+            if is_listed
+            else paragraph(
+                f"{self._command()} --add {' --add '.join(candidate.effects)} --output out writes them."
+            ),
         }
 
     def _is_noise(self, candidate: Candidate, experiment: Experiment) -> bool:
@@ -285,18 +274,6 @@ class ExplorerPage:
     def to_html(self) -> str:
         """Return the page as one self-contained file: the same bytes for the same diagnosis."""
         return one_file(embed_pictures(self.fill), PAGE, self.variables())
-
-
-def equations(candidates: Iterable[Candidate]) -> dict[str, tuple[str, Markup]]:
-    """Return owner and equation of the base and of every form, by key; the base has the key ``base``."""
-    found: dict[str, tuple[str, Markup]] = {}
-    for item in candidates:
-        structure = item.fit.structure
-        found.setdefault("base", (structure.base.name, equation(structure.base.latex)))
-        for form in structure.forms:
-            if form.key not in found:
-                found[form.key] = f"{readable(form.effect)}, {readable(form.name)}", equation(form.latex)
-    return found
 
 
 def location_facts(location: Location, catalogue: Mapping[str, Effect], is_listed: bool) -> dict[str, Any]:
@@ -320,35 +297,3 @@ def excitation_facts(separation: Separation, verdict: DiagnosisResult) -> dict[s
         "name": EXCITATION,
         "file": motion_csv(separation.excitation.motion, verdict.experiment.input_unit),
     }
-
-
-def confidence_sentences(diagnosis: DiagnosisResult, evidence: Evidence) -> list[str]:
-    """Return sentences on chance, on equally good explanations, and on the experiment that would decide between them."""
-    lines = ["No effect of the catalogue could be fitted to these records."]
-    if diagnosis.ranking:
-        best = diagnosis.ranking[0]
-        effects, chance = (
-            effects_text(diagnosis.selected or best.candidate.effects),
-            probability(best.p_value),
-        )
-        lines = [
-            f"Probability of a gain as large as that of {effects} by chance: {chance}."
-            if diagnosis.selected
-            else f"The best candidate, {effects}, gains no more than chance would ({chance}; {LEVEL:g} is needed) "
-            f"or does not lower the error on {diagnosis.experiment.test_data}."
-        ]
-    if diagnosis.status == Status.TIED:
-        others = ", ".join(effects_text(item.effects) for item in diagnosis.tied_with)
-        lines.append(f"As good an explanation of these records: {others}.")
-    elif diagnosis.selected and sentences.runner_up(diagnosis) is not None:
-        second, unit = sentences.runner_up(diagnosis).candidate, diagnosis.experiment.output_unit
-        error, other = distinguishing_digits([diagnosis.model.test_rms, second.test_rms], 3)
-        lines.append(
-            f"The next best, {effects_text(second.effects)}, leaves {other} {unit} instead of {error} {unit} on "
-            f"{diagnosis.experiment.test_data}."
-        )
-    if evidence.separation is not None:
-        lines.append(separation_sentence(evidence.separation, diagnosis))
-    if diagnosis.experiment.floor is None:
-        lines.append("No record repeats: it is unknown how much of the error is noise, or is unexplained.")
-    return lines

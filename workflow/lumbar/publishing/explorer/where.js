@@ -69,66 +69,49 @@ window.lumbarWhere = (shown, named, put, digits, page) => {
     });
   }
 
-  // Discrete Fourier transform in place; the length is a power of two (Cooley and Tukey, 1965).
-  function transform(real, imaginary) {
-    const length = real.length;
-    for (let i = 1, j = 0; i < length; i++) {
-      let bit = length >> 1;
-      for (; j & bit; bit >>= 1) j ^= bit;
-      j ^= bit;
-      if (i < j) for (const part of [real, imaginary]) [part[i], part[j]] = [part[j], part[i]];
+  // Real and imaginary part of a Fourier sum at a frequency; its pointer turns from sample to sample.
+  function sum(values, frequency) {
+    const { time } = shown();
+    const angle = -2 * Math.PI * frequency * (time[1] - time[0]);
+    const [cosine, sine] = [Math.cos(angle), Math.sin(angle)];
+    let [x, y, real, imaginary] = [1, 0, 0, 0];
+    for (const value of values) {
+      real += value * x;
+      imaginary += value * y;
+      [x, y] = [x * cosine - y * sine, x * sine + y * cosine];
     }
-    for (let size = 2; size <= length; size *= 2) {
-      for (let k = 0; k < size / 2; k++) {
-        const [cosine, sine] = [Math.cos((2 * Math.PI * k) / size), -Math.sin((2 * Math.PI * k) / size)];
-        for (let a = k; a < length; a += size) {
-          const b = a + size / 2;
-          const [x, y] = [real[b] * cosine - imaginary[b] * sine, real[b] * sine + imaginary[b] * cosine];
-          [real[b], imaginary[b]] = [real[a] - x, imaginary[a] - y];
-          real[a] += x;
-          imaginary[a] += y;
-        }
-      }
-    }
-  }
-
-  // The model's error, padded; with the frequencies' distance in Hz.
-  function transformed(weight) {
-    const { time, model_error: error } = shown();
-    const length = 2 ** Math.ceil(Math.log2(error.length));
-    const [real, imaginary] = [new Float64Array(length), new Float64Array(length)];
-    for (let i = 0; i < error.length; i++) real[i] = weight(i) * error[i];
-    transform(real, imaginary);
-    return { real, imaginary, spacing: 1 / (length * (time[1] - time[0])) };
+    return [real, imaginary];
   }
 
   // What of the model's error lies in a band of frequencies.
   function inBand(low, high) {
-    const { real, imaginary, spacing } = transformed(() => 1);
-    const length = real.length;
-    for (let k = 0; k < length; k++) {
-      const frequency = Math.min(k, length - k) * spacing;
-      if (frequency < low || frequency > high) real[k] = imaginary[k] = 0;
-      imaginary[k] *= -1; // the inverse is the conjugate's transform
+    const { time, model_error: error } = shown();
+    const [length, step] = [error.length, time[1] - time[0]];
+    const part = new Float64Array(length);
+    for (let k = Math.max(1, Math.ceil(low * length * step)); k <= Math.min(high * length * step, length / 2); k++) {
+      const [real, imaginary] = sum(error, k / (length * step));
+      const weight = (2 * k === length ? 1 : 2) / length;
+      for (let i = 0; i < length; i++) {
+        const angle = (2 * Math.PI * ((k * i) % length)) / length;
+        part[i] += weight * (real * Math.cos(angle) - imaginary * Math.sin(angle));
+      }
     }
-    transform(real, imaginary);
-    return real.slice(0, shown().time.length).map((value) => value / length);
+    return part;
   }
 
-  // Amplitude density of the error in the samples that are marked, at the spectrum's lines.
+  // Amplitude density of the error in the samples that are marked, at the spectrum's lines: a mean over the band of each.
   function density(inside) {
-    const weights = new Uint8Array(shown().time.length);
-    for (const i of inside) weights[i] = 1;
-    const { time } = shown();
-    const { real, imaginary, spacing } = transformed((i) => weights[i]);
-    const scale = (2 * (time[1] - time[0])) / inside.length;
-    const lines = Array.from(named("lines").data.frequency).filter((line) => line <= (spacing * real.length) / 2);
-    const found = lines.map((line, i) => {
-      const low = Math.round((i > 0 ? (lines[i - 1] + line) / 2 : line / 2) / spacing);
-      const high = Math.max(low + 1, Math.round((i + 1 < lines.length ? (lines[i + 1] + line) / 2 : line) / spacing));
+    const { time, model_error: error } = shown();
+    const step = time[1] - time[0];
+    const values = new Float64Array(error.length);
+    for (const i of inside) values[i] = error[i];
+    const lines = Array.from(named("lines").data.frequency).filter((line) => line <= 0.5 / step);
+    const width = lines[1] - lines[0];
+    const parts = Math.max(1, Math.round(width * step * error.length)); // sums in a band
+    const found = lines.map((line) => {
       let power = 0;
-      for (let k = low; k < high; k++) power += real[k] ** 2 + imaginary[k] ** 2;
-      return Math.sqrt((scale * power) / (high - low));
+      for (let k = 0; k < parts; k++) power += Math.hypot(...sum(values, line + ((k + 0.5) / parts - 0.5) * width)) ** 2;
+      return Math.sqrt((2 * step * power) / (parts * inside.length));
     });
     return { frequency: lines, density: found };
   }

@@ -1,6 +1,6 @@
 """The page of a diagnosis: the verdict and its evidence."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from markupsafe import Markup
@@ -16,6 +16,7 @@ from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult, 
 from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable
 from lumbar.tissue.diagnosis.selection.thresholds import LEVEL
 from lumbar.tissue.models.form import Effect
+from lumbar.tissue.models.model_data import FittedParameter
 
 
 def verdict_chip(diagnosis: DiagnosisResult) -> tuple[str, str]:
@@ -145,33 +146,41 @@ def _false_alarm(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]
     return [html.paragraph(chance), html.paragraph(f"Gain of {name} here: {gain:.4g}.")]
 
 
+def parameter_tables(candidate: Candidate, estimates: Iterable[FittedParameter]) -> list[Markup]:
+    """Return the equations of a model, and its parameters with intervals."""
+    structure = candidate.fit.structure
+    owners = ["", *structure.effects]
+    equations = [("base", structure.base.name, html.equation(structure.base.latex))]
+    for form in structure.forms:
+        equations.append((readable(form.effect), readable(form.name), html.equation(form.latex)))
+    rows = [
+        (
+            readable(estimate.effect) or "base",
+            readable(estimate.name),
+            f"{estimate.value:.4g}",
+            "not estimated" if estimate.low is None else f"{estimate.low:.4g} to {estimate.high:.4g}",
+            unit_in_print(estimate.unit),
+        )
+        for estimate in sorted(estimates, key=lambda one: owners.index(one.effect))
+    ]
+    return [
+        html.table(("part", "form", "equation"), equations),
+        html.table(("part", "parameter", "value", "95 % interval", "unit"), rows),
+        html.paragraph(sentences.CONDITIONAL, "note"),
+    ]
+
+
 def _parameters(diagnosis: DiagnosisResult) -> list[Markup]:
-    blocks = []
     selected = diagnosis.ranking[0] if diagnosis.selected else None
-    for item, role in ((selected, "Selected"), (sentences.runner_up(diagnosis), "Runner-up")):
-        if item is None:
-            continue
-        structure = item.candidate.fit.structure
-        owners = ["", *structure.effects]
-        equations = [("base", structure.base.name, html.equation(structure.base.latex))]
-        for form in structure.forms:
-            equations.append((readable(form.effect), readable(form.name), html.equation(form.latex)))
-        rows = [
-            (
-                readable(estimate.effect) or "base",
-                readable(estimate.name),
-                f"{estimate.value:.4g}",
-                f"{estimate.low:.4g} to {estimate.high:.4g}",
-                unit_in_print(estimate.unit),
-            )
-            for estimate in sorted(item.estimates, key=lambda one: owners.index(one.effect))
-        ]
-        blocks += [
+    return [
+        block
+        for item, role in ((selected, "Selected"), (sentences.runner_up(diagnosis), "Runner-up"))
+        if item is not None
+        for block in (
             html.heading(f"{role}: {effects_text(item.candidate.effects)}", 3),
-            html.table(("part", "form", "equation"), equations),
-            html.table(("part", "parameter", "value", "95 % interval", "unit"), rows),
-        ]
-    return [*blocks, html.paragraph(sentences.CONDITIONAL, "note")] if blocks else []
+            *parameter_tables(item.candidate, item.estimates),
+        )
+    ]
 
 
 def _ties(diagnosis: DiagnosisResult, evidence: Evidence) -> list[Markup]:
