@@ -1,9 +1,12 @@
 """The commands on files and folders, what they write, print and refuse."""
 
 import json
+import shlex
 import shutil
 import zipfile
 from html import unescape
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +16,9 @@ from scipy.signal import butter, lfilter
 
 import lumbar
 from column_files import write_columns
-from lumbar.cli.command import command_names
+from lumbar.cli.command import build_parser, command_names
+from lumbar.cli.ending import after_diagnosis
+from lumbar.tissue.effects.catalogue import MOTION_SENSOR, PENDULUM, TISSUE
 from refusing import has_tokens
 from running import python
 
@@ -215,13 +220,98 @@ def test_compare_and_locate_a_folder(run, tissue, tmp_path):
     made = {path.name for path in tmp_path.iterdir()}
     assert {f"compare.{ending}" for ending in ("csv", "tex", "html")} <= made
     assert {f"comparison_{name}.{ending}" for name in ("long", "short") for ending in ("svg", "pdf")} <= made
-    out = run.done("locate", tissue, "--output", tmp_path)
+    out = run.done("locate", tissue, "--verbose", "--output", tmp_path).partition("\n\n")[0]
     made = {path.name for path in tmp_path.iterdir()}
     assert {f"location.{ending}" for ending in ("csv", "tex", "html")} <= made
     assert {f"location_{name}.{ending}" for name in ("long", "short") for ending in ("svg", "pdf")} <= made
     page = (tmp_path / "location_page.html").read_text(encoding="utf-8")
     assert page.count('<img src="data:image/svg+xml;base64,') == 2
     assert all(line.strip() in unescape(page).replace("−", "-") for line in out.splitlines())
+
+
+@pytest.fixture
+def sliding(examples, tmp_path, monkeypatch):
+    """Work in a folder with records of a tissue with dry friction."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "records").mkdir()
+    for record in examples:
+        columns = {"time_s": record.time, "position_mm": record["input"], "force_N": record["output"]}
+        write_columns(tmp_path / "records" / f"{record.name}.csv", "%.8g", **columns)
+
+
+def following(out: str) -> list[str]:
+    """Return the next command of a command that printed this, after a check of its lines."""
+    lines = out.splitlines()
+    assert len(lines) <= 12
+    written = next(line for line in lines if line.startswith("Written: ")).removeprefix("Written: ")
+    assert all(Path(name).is_file() for name in written.split(", "))
+    program, *words = shlex.split(lines[-1].removeprefix("Next: "))
+    assert program == "lumbar"
+    return words
+
+
+def test_each_command_prints_the_next_one(run, sliding):
+    words = ["compare", "records", "--output", "out"]
+    for name in ("locate", "refine", "export"):
+        words = following(run.done(*words))
+        assert words[0] == name
+    assert run.done(*words, "--target", "host").count(".fmu") == 2
+    out = run.done("diagnose", "records", "--output", "out")
+    assert has_tokens(out, "KB … 22 times the noise") and has_tokens(
+        out, "+ coulomb_friction … 0.98 times the noise"
+    )
+    assert following(out) == words
+    run.done(*following(run.done("refine", "records", "--add", "drift", "--output", "out")))
+
+
+def diagnosis_of(status, **changes):
+    """Return a diagnosis of two records with this status, as far as the next step depends on it."""
+    structure = SimpleNamespace(base=SimpleNamespace(name="KB"), effects=("drift",))
+    model = SimpleNamespace(fit=SimpleNamespace(structure=structure), effects=("drift",))
+    result = {
+        "status": status,
+        "orientation": None,
+        "path": [model],
+        "selected": ("drift",),
+        "further": None,
+        "proposal": None,
+        "is_incomplete": False,
+        "experiment": SimpleNamespace(points=False),
+    }
+    return SimpleNamespace(
+        result=SimpleNamespace(**result | changes),
+        settings=SimpleNamespace(base="auto", forward=False, system="tissue"),
+        records=[SimpleNamespace(axes=())],
+        candidates={"drift": SimpleNamespace(experiment="wait")},
+    )
+
+
+@pytest.mark.parametrize(
+    ("diagnosis", "step"),
+    [
+        (diagnosis_of("tied"), "wait; put the record into a folder, then lumbar diagnose 'a folder'"),
+        (diagnosis_of("unexplained"), "lumbar propose 'a folder'"),
+        (diagnosis_of("unexplained", proposal="law"), "lumbar locate 'a folder' --base KB --add drift"),
+        (diagnosis_of("named", orientation="sign"), "correct the records, then lumbar diagnose 'a folder'"),
+        (diagnosis_of("named", is_incomplete=True), "lumbar locate 'a folder' --base KB --add drift"),
+        (
+            diagnosis_of("named", is_incomplete=True, further=SimpleNamespace(effects=("drift", "delay"))),
+            "lumbar refine 'a folder' --base KB --add drift --add delay",
+        ),
+    ],
+)
+def test_next_step_depends_on_the_verdict(diagnosis, step):
+    arguments = ["diagnose", "a folder", "--train", "one", "--config", "s.yaml", "--output", "out"]
+    printed = after_diagnosis(diagnosis, build_parser().parse_args(arguments))
+    end = "law.yaml" if "propose" in step else "out"
+    assert printed == f"{step} --config s.yaml --train one --output {end}"
+
+
+def test_effects_are_listed_with_a_sentence_each(run, tmp_path):
+    listed = run.done("effects")
+    assert all(has_tokens(listed, name) for name in (*TISSUE, *PENDULUM, *MOTION_SENSOR))
+    assert has_tokens(listed, "hand_load … box in the hands")
+    assert run.done("refine", tmp_path / "absent", "--add", "?", "--output", tmp_path) == listed
 
 
 def test_wrong_periods_end_a_diagnosis_before_it_writes(run, tissue, tmp_path):

@@ -9,6 +9,7 @@ from typing import TypeVar
 
 Item = TypeVar("Item")
 _MIN_INTERVAL_S = 2.0
+_ERASE_REST = "\x1b[K"
 _watcher: ContextVar[Callable[[str], None] | None] = ContextVar("watcher", default=None)
 
 
@@ -30,14 +31,21 @@ def notify_progress(text: str = "") -> None:
 
 
 def track(items: Collection[Item], label: str) -> Iterator[Item]:
-    """Yield `items` and print the number done and the expected time left, at most every two seconds."""
-    total = len(items)
+    """Yield `items` and print the number done and the expected time left, at most every two seconds.
+
+    On a terminal all items share one line, which is erased at the end.
+    """
+    total, is_terminal = len(items), sys.stderr.isatty()
+    start, end = ("\r", _ERASE_REST) if is_terminal else ("", "\n")
     last = began = time.monotonic()
     for done, item in enumerate(items):
         notify_progress(f"{label}: {done} of {total}")
         now = time.monotonic()
         if now - last >= _MIN_INTERVAL_S:
             left = f", about {(now - began) / done * (total - done):.0f} s left" if done else ""
-            print(f"{label}: {done} of {total}{left}", file=sys.stderr, flush=True)
+            text = f"{label}: {done} of {total}{left}"
+            print(f"{start}{text}", end=end, file=sys.stderr, flush=True)
             last = now
         yield item
+    if is_terminal and last > began:
+        print(f"\r{_ERASE_REST}", end="", file=sys.stderr, flush=True)

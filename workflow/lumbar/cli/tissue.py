@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any
+import sys
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 import lumbar
 from lumbar.base.errors import InputError
 from lumbar.cli.command import read_settings
+from lumbar.cli.ending import comparison_ending, diagnosis_ending, location_ending, refinement_ending
 from lumbar.settings.study_settings import StudySettings, record_layout
+from lumbar.tissue.effects.catalogue import CATALOGUES, MOTION_SENSOR, catalogue_with
+
+if TYPE_CHECKING:
+    from lumbar.interface.refinement import Refinement
+    from lumbar.tissue.models.form import Effect
 
 
 def run_bandwidth(options) -> None:
@@ -83,40 +91,60 @@ def _period(text: str) -> tuple[str, float]:
 
 
 def run_compare(options) -> None:
-    """Fit the model, compare it with every record, write table, figures and page, print the comparison."""
-    result = lumbar.refine(effects=options.add, **fit_arguments(options)).compare()
-    result.save(options.output)
-    print(result)
+    """Fit the model, compare it with every record, write table, figures and page, print what follows from it."""
+    refined = _refine(options)
+    _finish(refined.compare(), comparison_ending, refined, options)
 
 
 def run_locate(options) -> None:
-    """Fit the model, locate its errors on every record, write table, figures and page, print the location."""
-    result = lumbar.refine(effects=options.add, **fit_arguments(options)).locate()
-    result.save(options.output)
-    print(result)
+    """Fit the model, locate its errors on every record, write table, figures and page, print the causes."""
+    refined = _refine(options)
+    _finish(refined.locate(), location_ending, refined, options)
 
 
 def run_refine(options) -> None:
     """Refit base and effects jointly, write refined.json, print the error ladder and draw it."""
-    result = lumbar.refine(effects=options.add, **fit_arguments(options))
+    refined = _refine(options)
+    _finish(refined, refinement_ending, refined, options)
+
+
+def run_effects(options) -> None:
+    """Print every effect of the catalogues and of the settings, each with its mechanism."""
+    files = read_settings(options).improvement.effect_files
+    for system in CATALOGUES:
+        _print_effects(system, catalogue_with(files, "pendulum" if system == "pendulum" else "KB"))
+    _print_effects("sensor of the motion, with --forward", MOTION_SENSOR)
+
+
+def _print_effects(heading: str, effects: Mapping[str, Effect]) -> None:
+    print(f"Effects ({heading}):")
+    print(*(f"  {name:<26}{effect.mechanism}" for name, effect in effects.items()), sep="\n")
+
+
+def _refine(options) -> Refinement:
+    if "?" in options.add:
+        run_effects(options)
+        sys.exit(0)
+    return lumbar.refine(effects=options.add, **fit_arguments(options))
+
+
+def _finish(result, ending: Callable, source, options) -> None:
+    """Write a result and print it: all sentences if requested, then the last lines."""
     result.save(options.output)
-    print(result)
-    print(f"The ladder is drawn in {options.output / 'ladder.svg'}; a device plays the last model:")
-    print(f"  lumbar export {options.output / 'refined.json'} --output fmu")
+    if options.verbose:
+        print(result, end="\n\n")
+    print(*ending(source, options), sep="\n")
 
 
 def run_diagnose(options) -> None:
     """Diagnose, write result, evidence, page and error ladder, print the result, and its steps if requested."""
     diagnosis = lumbar.diagnose(**fit_arguments(options))
     diagnosis.save(options.output, options.pictures)
-    print(diagnosis)
+    if options.verbose:
+        print(diagnosis, end="\n\n")
     if options.explain:
-        print("\n".join(diagnosis.explain()))
-    print(f"{options.output / 'diagnosis.html'} shows it.")
-    result = diagnosis.result
-    contact = result.base.fit.structure.base.contact
-    if not (diagnosis.settings.forward or result.experiment.points or contact or result.orientation):
-        print(f"A device plays its model: lumbar export {options.output / 'refined.json'} --output fmu")
+        print(*diagnosis.explain(), sep="\n")
+    print(*diagnosis_ending(diagnosis, options), sep="\n")
 
 
 def run_propose(options) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from lumbar.interface.comparison import Comparisons, Locations, Reports
+from lumbar.interface.model_reports import Comparisons, Locations, Reports
 from lumbar.interface.result import Result, records_label, settings_or_default
 from lumbar.records.record import Record, use_load_as_input
 from lumbar.settings.study_settings import StudySettings
@@ -18,6 +18,7 @@ from lumbar.tissue.diagnosis.fitting.preparation import Experiment
 from lumbar.tissue.diagnosis.residuals.locate import compare_and_locate
 from lumbar.tissue.diagnosis.selection import refine as refinement
 from lumbar.tissue.diagnosis.selection.candidate import Candidate
+from lumbar.tissue.effects.catalogue import usable_effects
 from lumbar.tissue.models.fitted_model import FittedModel
 
 if TYPE_CHECKING:
@@ -134,6 +135,20 @@ class Refinement(Result):
     def model(self) -> FittedModel:
         """Base model with all effects."""
         return self.models[-1]
+
+    @property
+    def addable(self) -> list[str]:
+        """Names of the effects that can be added to the base on these records."""
+        candidates, training = self.settings.candidates, self.experiment.training
+        if self.records[0].axes:
+            from lumbar.tissue.diagnosis.spatial.spatial_diagnosis import usable_in_space
+
+            return list(usable_in_space(candidates, self.experiment))
+        if self.settings.forward:
+            from lumbar.tissue.diagnosis.forward.forward_diagnosis import forward_catalogue
+
+            return list(forward_catalogue(candidates, self.path[0].fit.structure.base, training))
+        return list(usable_effects(candidates, training.motion.channels, training.scale)[0])
 
     def add(self, *effects: str) -> Refinement:
         """Refit with additional effects.

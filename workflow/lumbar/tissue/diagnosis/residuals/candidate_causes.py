@@ -69,7 +69,7 @@ CAUSE_EFFECTS = {
     "time": ("softening", "drift", "periodic_disturbance", "hand_load", "variable_length", "moving_pivot"),
     "position and velocity": (
         *("coulomb_friction", "viscous_damping", "quadratic_damping", "depth_dependent_damping", "drag"),
-        *("variable_length", "contact_loss", "saturation"),
+        *("hand_load", "variable_length", "moving_pivot", "contact_loss", "saturation"),
     ),
     "depth": (
         *("hardening_stiffness", "quadratic_stiffness", "strain_softening", "contact_loss", "saturation"),

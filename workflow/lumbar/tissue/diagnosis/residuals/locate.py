@@ -237,7 +237,7 @@ class ResidualReport:
 def all_reports_sentence(reports: Sequence[Any]) -> str:
     """Name the cause of the error of all records together, separately for every axis."""
     locations = [item.location for item in axis_reports(reports)]
-    if all(item.is_noise or item.is_near_noise_floor for item in locations):
+    if not is_located(reports):
         if any(item.residual.floor is None for item in locations):
             return "All records: no view distinguishes the error from noise of the same spectrum."
         return "All records: the error is noise, or hardly more than noise."
@@ -245,6 +245,12 @@ def all_reports_sentence(reports: Sequence[Any]) -> str:
     records = f"All {len(reports)} records" if len(reports) > 1 else "This record"
     records += f" of {axes} axes, axis by axis" if axes else ""
     return causes_sentence(locations[0].causes, records, locations[0].residual.error_name)
+
+
+def is_located(reports: Sequence[Any]) -> bool:
+    """Return whether the error of any record is more than noise, so that its causes are meaningful."""
+    locations = [item.location for item in axis_reports(reports)]
+    return not all(item.is_noise or item.is_near_noise_floor for item in locations)
 
 
 def axis_reports(reports: Sequence[Any]) -> list[ResidualReport]:
