@@ -1,14 +1,33 @@
 """The thesis's claims against a run's results; the printed Table 3.1 against its own equations; the twin's tissue."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from lumbar.lifting.stability.percent_differences import comparison_names
-from lumbar.publishing.reproduction.claim import BUILT_IN, CANNOT_BE_TESTED, DOES_NOT_HOLD, HOLDS
-from lumbar.publishing.reproduction.claims import all_claims, examine_claims, impossible_mru, least_mru
+from lumbar.publishing.reproduction.claim import (
+    BUILT_IN,
+    BY_DEFINITION,
+    CANNOT_BE_TESTED,
+    DOES_NOT_HOLD,
+    HOLDS,
+)
+from lumbar.publishing.reproduction.claims import (
+    TABLE_3_1,
+    agreement_note,
+    all_claims,
+    examine_claims,
+    impossible_mru,
+    least_mru,
+    vaf_note,
+)
 from lumbar.settings.twin import SyntheticTissueSettings
+from lumbar.tissue.identification.arx_search import ReducedRegression
+from lumbar.tissue.models.tissue_models import KB, higher_order_structures
 from lumbar.twin.tissue_recordings import tissue_force, tissue_test
+from refusing import has_tokens
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +68,10 @@ def test_thesis_agrees_with_its_own_cells(judged, thesis_as_results):
     cells = frame[frame.index.str.startswith("table_")]
     assert len(cells) == 9 * 10 + 4 * 4 + 6 + 9 * 2
     is_alpha = cells.index.str.endswith(".alpha")
-    assert set(cells[~is_alpha].verdict) == {HOLDS}
+    of_one_pole = cells.index.str.fullmatch(r".*\.(MW|KB)\.order")
+    assert set(cells[~is_alpha & ~of_one_pole].verdict) == {HOLDS}
     assert set(cells[is_alpha].verdict) == {CANNOT_BE_TESTED}
+    assert cells[of_one_pole].verdict.tolist() == 6 * [BY_DEFINITION]
 
 
 HELD_BY_THESIS = """
@@ -81,18 +102,14 @@ def bandwidths_of(limited, unlimited, level):
 
 
 @pytest.mark.parametrize(
-    ("readings", "verdict", "remark"),
-    [
-        ((2.47, 4.5, 5.19), BUILT_IN, "only by: 95 % of the power below 6 Hz"),
-        ((2.4, 2.5, 2.6), BUILT_IN, ""),
-        ((3.5, 4.5, None), DOES_NOT_HOLD, ""),
-    ],
+    ("readings", "verdict"),
+    [((2.47, 4.5, 5.19), BUILT_IN), ((3.5, 2.5, 2.5), DOES_NOT_HOLD), ((3.5, 4.5, None), DOES_NOT_HOLD)],
 )
-def test_bandwidth_has_one_value_per_rule(judged, readings, verdict, remark):
+def test_bandwidth_is_judged_by_its_share_of_the_power(judged, readings, verdict):
     frame = judged({"bandwidth": bandwidths_of(*readings)}, synthetic=True)
     assert frame.at["bandwidth", "verdict"] == DOES_NOT_HOLD
     row = frame.loc["bandwidth_velocity"]
-    assert (row.verdict, row.remark) == (verdict, remark)
+    assert row.verdict == verdict and "cells of 0.1 Hz" in row.remark
     for value in readings:
         assert ("none" if value is None else f"{value:.2f} Hz") in row.this_run
 
@@ -118,6 +135,61 @@ def test_changed_number_does_not_hold(judged, thesis_as_results):
     verdicts = judged(thesis_as_results).verdict
     assert verdicts["table_3_1.multisine.KB.vaf_percent"] == DOES_NOT_HOLD
     assert verdicts["ho_slightly_better"] == DOES_NOT_HOLD
+
+
+def test_small_number_has_no_tolerance_of_ten_points(judged, thesis_as_results):
+    table = thesis_as_results["table_3_1"]
+    row = (table.trained_on == "noise") & (table.model == "MW")
+    table.loc[row, "fit_percent"] = 10.06
+    verdict = judged(thesis_as_results, synthetic=True).at["table_3_1.noise.MW.fit_percent", "verdict"]
+    assert verdict == DOES_NOT_HOLD
+
+
+def test_numbers_of_other_rows_seldom_meet_a_criterion(judged, thesis_as_results):
+    (note,) = agreement_note(judged(thesis_as_results).reset_index())
+    chances = re.findall(r"of (\d) [^;(]*\((\d+) %\)", note)
+    assert [int(cells) for cells, _ in chances] == [3, *(9 for _ in range(len(TABLE_3_1) - 2))]
+    assert all(int(chance) <= 40 for _, chance in chances)
+
+
+def test_note_has_printed_vaf_and_this_runs(judged, thesis_as_results):
+    table = thesis_as_results["table_3_1"]
+    table.loc[(table.trained_on == "noise") & (table.model == "MW"), "vaf_percent"] = 19.14
+    (note,) = vaf_note(judged(thesis_as_results).reset_index())
+    assert has_tokens(
+        note, "multisine…12.24, 81.16, 82.64 in print, 12.24…3 of 3…noise…2.09, 66.16…19.14, 66.16…2 of 3"
+    )
+    assert vaf_note(judged({}).reset_index()) == ()
+
+
+@pytest.mark.parametrize(("inputs", "biproper"), [(1, True), (3, False), (3, True)])
+def test_claims_that_follow_from_nested_regressors_are_no_evidence(
+    judged, thesis_as_results, inputs, biproper
+):
+    """HO contains KB if it has u[k] and u[k − 1]."""
+    table = thesis_as_results["table_3_1"]
+    table.loc[table.model == "HO", "nmse_train"] = 0.01
+    table = table.assign(biproper=biproper, parameters=table.order + inputs, remark=None)
+    verdicts = judged({"table_3_1": table}).verdict
+    expected = BY_DEFINITION if biproper and inputs > 1 else HOLDS
+    assert verdicts["ho_best_nmse_train"] == verdicts["ho_poorest_condition"] == expected
+    assert verdicts["ho_poorest_uncertainty"] == HOLDS
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nested_regressors_lower_the_nmse_and_raise_the_condition_number(seed):
+    rng = np.random.default_rng(seed)
+    inputs, outputs = rng.standard_normal((2, 300))
+    regression = ReducedRegression(inputs, inputs + 0.1 * outputs, 4)
+    simple = regression.path(KB.structure)
+    for structure in higher_order_structures(4):
+        path = regression.path(structure)
+        if {0, 1} <= set(structure.input_lags):
+            assert path.residual_sum_of_squares(0) <= simple.residual_sum_of_squares(0)
+            assert path.condition_number >= simple.condition_number
+        elif structure.input_lags[0] == 1:
+            # The output follows u[k], which a strictly proper model does not have.
+            assert path.residual_sum_of_squares(0) > simple.residual_sum_of_squares(0)
 
 
 def test_claims_that_the_twin_was_made_to_show_do_not_hold(judged, thesis_as_results):

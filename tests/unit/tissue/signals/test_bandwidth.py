@@ -4,12 +4,15 @@ import re
 
 import numpy as np
 import pytest
+import yaml
+from scipy.integrate import cumulative_trapezoid
 from scipy.signal import csd
 from scipy.stats import t
 
 from lumbar.base.errors import InputError
 from lumbar.records.record import Channel, Record
 from lumbar.settings.tissue import BandwidthSettings, WelchSettings
+from lumbar.settings.twin import SyntheticSurgeonSettings, TwinSettings
 from lumbar.tissue.signals.excitation import band_limited_noise
 from lumbar.tissue.signals.multisine import schroeder_phases
 from lumbar.tissue.signals.spectrum import (
@@ -28,6 +31,7 @@ from lumbar.tissue.signals.surgeon_motion import (
     motion_spectra,
     spectra_table,
 )
+from lumbar.twin.surgeon_recordings import surgeon_trial
 
 FREQUENCY = np.arange(0, 50.0001, 0.01)
 
@@ -86,6 +90,27 @@ def test_invalid_spectra_are_rejected(bad):
         level_frequency(FREQUENCY, psd, -20, 6)
     with pytest.raises(InputError, match=r"spectrum.*\bpower\b"):
         power_share_frequency(FREQUENCY, np.zeros_like(FREQUENCY), 0.95, 6)
+
+
+def test_summation_moves_the_share_by_less_than_two_lines(project):
+    """The pooled velocity of the twin's surgeons by other sums than that of `power_share_frequency`."""
+    section = yaml.safe_load((project / "config" / "twin.yaml").read_text(encoding="utf-8"))["twin"][
+        "surgeon"
+    ]
+    surgeons, seed = SyntheticSurgeonSettings.model_validate(section), TwinSettings().seed
+    names = [(f"{surgeon}_trial_{number}", surgeon) for surgeon in surgeons.surgeons for number in (1, 2, 3)]
+    depths = [surgeon_trial(*name, surgeons, seed)["z_mm"].to_numpy() for name in names]
+    lines, psds = zip(
+        *(motion_psd(depth, 100.0, WelchSettings(), "velocity") for depth in depths), strict=True
+    )
+    frequency, psd = lines[0], np.mean(psds, axis=0)
+    assert power_share_frequency(frequency, psd, 0.95, 6.0) == pytest.approx(2.474, abs=0.002)
+    frequency, psd = frequency[frequency <= 6], psd[frequency <= 6]
+    shares = [np.cumsum(psd), np.cumsum(psd) - psd[0], cumulative_trapezoid(psd, frequency, initial=0)]
+    by_other_sums = [np.interp(0.95 * share[-1], share, frequency) for share in shares]
+    assert by_other_sums == pytest.approx([2.42, 2.42, 2.47], abs=0.01)
+    reached = np.searchsorted(shares[0], 0.95 * shares[0][-1])
+    assert frequency[[reached - 1, reached]] == pytest.approx([2.344, 2.441], abs=0.001)
 
 
 TO_20_HZ = np.arange(0, 20.01, 0.1)

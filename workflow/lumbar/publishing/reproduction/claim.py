@@ -1,4 +1,4 @@
-"""A claim of the thesis, its outcome in a run, and the four verdicts."""
+"""A claim of the thesis, its outcome in a run, and the five verdicts."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,6 +8,8 @@ from lumbar.base.errors import LumbarError
 
 HOLDS = "holds"
 DOES_NOT_HOLD = "does not hold"
+BY_DEFINITION = "true by definition"
+"""Verdict of a claim that no data can contradict; it is not evidence."""
 BUILT_IN = "built into the data"
 CANNOT_BE_TESTED = "cannot be tested on this data"
 
@@ -29,6 +31,8 @@ class Outcome:
     """True if the criterion is met; None if a value exists but cannot be judged."""
     remark: str = ""
     """Further information, or the reason for an `agrees` of None."""
+    by_definition: bool = False
+    """True if `agrees` follows from definitions or algebra, whatever the data."""
 
 
 @dataclass(frozen=True)

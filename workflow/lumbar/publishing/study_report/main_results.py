@@ -7,7 +7,13 @@ from pathlib import Path
 import pandas as pd
 
 from lumbar.base.files import read_json
-from lumbar.publishing.reproduction.claim import BUILT_IN, CANNOT_BE_TESTED, DOES_NOT_HOLD, HOLDS
+from lumbar.publishing.reproduction.claim import (
+    BUILT_IN,
+    BY_DEFINITION,
+    CANNOT_BE_TESTED,
+    DOES_NOT_HOLD,
+    HOLDS,
+)
 from lumbar.tables.table_layout import unit_in_print, value_in_words
 
 MAX_RESULTS = 3
@@ -62,11 +68,14 @@ def _diagnosis_result(results: Path) -> Iterator[MainResult]:
 
 def _claims_result(claims: pd.DataFrame) -> Iterator[MainResult]:
     sentences = claims[~claims["claim"].str.startswith("table_")]["verdict"].value_counts()
-    holds, differs, built_in, open_ones = (
-        int(sentences.get(verdict, 0)) for verdict in (HOLDS, DOES_NOT_HOLD, BUILT_IN, CANNOT_BE_TESTED)
+    holds, differs, *others = (
+        int(sentences.get(verdict, 0))
+        for verdict in (HOLDS, DOES_NOT_HOLD, BUILT_IN, BY_DEFINITION, CANNOT_BE_TESTED)
     )
     if holds + differs:
-        rest = f"{built_in} were built into the data, and {open_ones} cannot be tested on it"
+        rest = "{} were built into the data, {} are true by definition, and {} cannot be tested on it".format(
+            *others
+        )
         sentence = f"sentences of the thesis that this data can test are reproduced; {rest}"
         yield MainResult("state-claims", f"{holds} of {holds + differs}", sentence)
 

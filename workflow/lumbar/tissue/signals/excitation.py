@@ -13,7 +13,7 @@ from lumbar.settings.tissue import SignalsSettings
 from lumbar.tables.table import Table, table_from_schema
 from lumbar.tissue.signals.multisine import Multisine, design_multisine
 from lumbar.tissue.signals.spectrum import Kinematics, check_machine_limits, peak_kinematics
-from lumbar.tissue.signals.surgeon_motion import bandwidth_readings, readings_in_words
+from lumbar.tissue.signals.surgeon_motion import bandwidth_readings, readings_in_words, summation_in_words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -340,7 +340,7 @@ def signal_properties(
         notes.append(
             f"{excitation.band:g} Hz is {settings.band_factor:g} times the surgeons' bandwidth in {chosen.quantity} by the "
             f"{rules[chosen.rule]}, rounded to {settings.round_Hz:g} Hz. The thesis assesses the spectrum of the position. "
-            f"All readings: {'; '.join(readings)}."
+            f"All readings: {'; '.join(readings)}; {summation_in_words(bandwidths)}."
         )
     return table_from_schema("tissue/signals", "properties", rows, source_label, notes=notes)
 

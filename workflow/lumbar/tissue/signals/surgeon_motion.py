@@ -219,6 +219,18 @@ def readings_in_words(readings: dict[str, float | None]) -> str:
     )
 
 
+def summation_in_words(bandwidths: dict) -> str:
+    """Return the rule of summation of a power share as text.
+
+    Parameters
+    ----------
+    bandwidths : dict
+        Result of `motion_bandwidths`.
+    """
+    spacing = bandwidths["analysis_band_Hz"][0]
+    return f"power is summed over cells of {spacing:.2g} Hz, one about each line but that at 0, and interpolated within a cell"
+
+
 def _apply_rules(
     frequency: np.ndarray, psd: np.ndarray, settings: BandwidthSettings
 ) -> dict[str, float | None]:
