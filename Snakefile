@@ -7,7 +7,7 @@
 
 from snakemake.utils import min_version
 
-min_version("9.0")
+min_version("9.12.0")
 
 
 include: "workflow/rules/config_files.smk"
@@ -18,14 +18,6 @@ configfile: str(ROOT / "config/twin.yaml")
 
 
 include: "workflow/rules/common.smk"
-
-
-pathvars:
-    results=f"results/{STUDY}",
-    logs=f"results/{STUDY}/logs",
-    benchmarks=f"results/{STUDY}/benchmarks",
-
-
 include: "workflow/rules/records.smk"
 include: "workflow/rules/twin.smk"
 include: "workflow/rules/surgeon.smk"

@@ -11,7 +11,7 @@ from run.jobs import expected_seconds, job_size, remove_half_written, set_job_en
 from run.summary import grouped_warnings, summary
 from lumbar.base.environment import describe_environment
 from lumbar.base.errors import LumbarError
-from lumbar.base.yaml_file import shipped_yaml
+from lumbar.base.yaml_file import read_nested_scalars, shipped_yaml
 from lumbar.settings.validation import overlay
 from lumbar.study.load_study import DEFAULT_FILES, load_study
 from lumbar.study.study import read_artefacts
@@ -23,6 +23,8 @@ if IMPORTED:
     # A module's `config:` keeps Snakemake from reading the default files. It overrides them, as a study's file does.
     for path in reversed(DEFAULT_FILES):
         config = overlay(shipped_yaml(ROOT / path), config)
+else:
+    config = overlay(config, read_nested_scalars(dict(workflow.config_settings.config)))
 # Snakemake has merged these files, those of the command line last; messages name the line in the file.
 GIVEN = workflow.overwrite_configfiles
 FILES = [] if IMPORTED else [*workflow.configfiles[len(GIVEN) :], *GIVEN]
@@ -127,3 +129,10 @@ def in_report(name, path, label):
 wildcard_constraints:
     lift="|".join(study.lifts) or "none",
     person="|".join(study.subjects) or "none",
+
+
+# Not in the Snakefile, where older versions of Snakemake would report a syntax error before they compare their version.
+pathvars:
+    results=f"results/{STUDY}",
+    logs=f"results/{STUDY}/logs",
+    benchmarks=f"results/{STUDY}/benchmarks",

@@ -207,6 +207,29 @@ def read_yaml(path: Path, problems: Problems, name: str | None = None, anchors: 
     return YamlFile(name)
 
 
+def read_nested_scalars(value: Any) -> Any:
+    """Return the value with the numbers, truth values and nulls that its nested text spells in YAML.
+
+    Snakemake reads nested values of ``--config`` as text.
+
+    Examples
+    --------
+    >>> read_nested_scalars({"confidence": "0.9", "scale_labels": ["low", "high"]})
+    {'confidence': 0.9, 'scale_labels': ['low', 'high']}
+    """
+    import yaml
+
+    if isinstance(value, dict):
+        return {key: read_nested_scalars(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [read_nested_scalars(item) for item in value]
+    try:
+        scalar = yaml.safe_load(value) if isinstance(value, str) else value
+    except yaml.YAMLError:
+        return value
+    return scalar if scalar is None or isinstance(scalar, bool | int | float) else value
+
+
 def shipped_yaml(path: Path) -> dict[str, Any]:
     """Return the content of a YAML file of the library, unchecked; libyaml is ten times as fast and is used if available."""
     import yaml
