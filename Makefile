@@ -1,6 +1,6 @@
 # make                 set up .venv and run the default study
 # make test            set up .venv and run the tests
-# make STUDY=davinci_tool results    run another study of config/studies
+# make STUDY=davinci_tool results    run another study of config/studies, or one of yours: STUDY=my_lab.yaml
 # make help            all targets
 
 PYTHON ?= python3
@@ -8,8 +8,12 @@ CORES ?= 2
 STUDY ?= thesis
 VENV := .venv
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check
-STUDY_FILE := $(if $(filter-out thesis,$(STUDY)),config/studies/$(STUDY).yaml)
+STUDY_FILE := $(if $(filter-out thesis,$(STUDY)),$(if $(filter %.yaml,$(STUDY)),$(STUDY),config/studies/$(STUDY).yaml))
 CONFIGFILE := $(if $(STUDY_FILE),--configfile $(STUDY_FILE))
+SHIPPED := $(basename $(notdir $(wildcard config/studies/*.yaml)))
+ifneq ($(STUDY_FILE),$(wildcard $(STUDY_FILE)))
+$(error STUDY=$(STUDY): no file $(STUDY_FILE); give the path of a study, or one of: thesis $(SHIPPED))
+endif
 export PATH := $(CURDIR)/$(VENV)/bin:$(PATH)
 
 .PHONY: results test test-statistical acceptance report provenance check-results update-reference benchmark lint format lock audit docs docs-site clean help environment cluster
@@ -53,7 +57,7 @@ report: results ## results/<study>/report.html: every table and figure with the 
 	snakemake --cores 1 $(CONFIGFILE) report
 
 provenance: results ## results/<study>/provenance.html: Snakemake's own report: which job made what, when, from what
-	snakemake --cores 1 $(CONFIGFILE) --report results/$(STUDY)/provenance.html
+	snakemake --cores 1 $(CONFIGFILE) --report results/$(basename $(notdir $(STUDY)))/provenance.html
 
 check-results: environment ## regenerate the default study and compare it with tests/reference
 	snakemake --cores $(CORES) --forceall

@@ -24,6 +24,12 @@ for artefact in ARTEFACTS:
 
 
 onstart:
+    # sbatch takes a command as one argument of at most 128 KB, and that of a job names all its inputs.
+    if (
+        len(study.lifts) > 200
+        and getattr(workflow.executor_settings, "pass_command_as_script", True) is False
+    ):
+        raise WorkflowError(f"{len(study.lifts)} lifts on SLURM: add --slurm-pass-command-as-script")
     remove_half_written(workflow.dag.needrun_jobs())
     # Expected seconds of each job, for the time left that the logger of "make" shows.
     seconds = {

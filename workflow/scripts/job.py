@@ -87,6 +87,19 @@ def run(main, snakemake) -> None:
         sys.exit(status)
 
 
+def _log_failed_import(kind, error, trace) -> None:
+    """Write an error before `run`, such as a failed import of the script, to the rule's log and to the terminal."""
+    import __main__
+
+    with open(__main__.snakemake.log[0], "w", encoding="utf-8") as log:  # noqa: PTH123 - pathlib is not imported yet
+        traceback.print_exception(kind, error, trace, file=log)
+    sys.__excepthook__(kind, error, trace)
+
+
+if "snakemake" in vars(sys.modules["__main__"]):  # a script of a rule, which imports this module first
+    sys.excepthook = _log_failed_import
+
+
 def _typed_parameters(main, params) -> dict:
     """Return the rule's parameters with the types that `main` declares; ``code`` only re-runs a job if its code changes.
 

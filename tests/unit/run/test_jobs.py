@@ -103,6 +103,19 @@ def test_programming_error_keeps_traceback(job):
     assert kept == f"half way\n{shown}"
 
 
+def test_failed_import_of_script_is_in_log(tmp_path):
+    log, script = tmp_path / "rule.log", tmp_path / "script.py"
+    given = f"from types import SimpleNamespace\nsnakemake = SimpleNamespace(log=[{str(log)!r}])\n"
+    script.write_text(f"{given}from job import run\nimport no_such_package\n", encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(WORKFLOW / "scripts")}
+    run = subprocess.run(
+        [sys.executable, script], env=environment, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 1
+    assert "No module named 'no_such_package'" in log.read_text(encoding="utf-8")
+    assert run.stderr == log.read_text(encoding="utf-8")
+
+
 def test_full_disk_does_not_hide_error_of_job(job):
     """/dev/full refuses every byte in the kernel, as a full disk does."""
     status, shown, _ = job(raising(OSError(28, "No space left on device", "/x/a.csv")), Path("/dev/full"))
