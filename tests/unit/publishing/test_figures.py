@@ -7,6 +7,7 @@ from urllib.parse import unquote
 
 import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 import pytest
 from periodic_records import STEP, noise, noisy_record, record, relaxing_force
 
@@ -15,6 +16,7 @@ from lumbar.publishing.figures.comparison_figures import default_segment, record
 from lumbar.publishing.figures.lifting_figures import events_figure, pendulum_figure, segments_figure
 from lumbar.publishing.figures.location_figures import location_figure
 from lumbar.publishing.figures.people_figures import best_picks_figure, likert_figure
+from lumbar.publishing.figures.stability_figures import compare_with_regulator
 from lumbar.publishing.figures.style import house_style, new_figure, save
 from lumbar.publishing.figures.tissue_figures import analogue_picture
 from lumbar.settings.lifting import PendulumSettings
@@ -247,3 +249,19 @@ def test_location_figure_shows_depth_and_reversals(tests):
     assert len({str(line._dash_pattern) for line in depth.lines[:3]}) == 3
     assert f"depth: {100 * location.shares['depth']:.0f} %" in depth.get_title(loc="right")
     assert f"noise {location.residual.floor.rms:.3g} N" in figure.get_suptitle()
+
+
+@pytest.mark.parametrize(("start", "place"), [(0.6, "inside"), (1.1, "around"), (1.0, "not always inside")])
+def test_basin_is_compared_with_the_regulators_ellipse_by_its_points(start, place):
+    """Points of V = ρ(0), from a factor of S, against the ellipse V ≤ 1; not by the levels."""
+    rows = pd.DataFrame({"com": "pelvis", "plane": "lateral_bending", "rho": [start, 2.0]})
+    factor = np.linalg.cholesky(np.array([[3.0, 1.0], [1.0, 0.5]]))
+    angle = np.linspace(0, 2 * np.pi, 60)
+    points = np.sqrt(start) * np.linalg.solve(factor.T, [np.cos(angle), np.sin(angle)])
+    cost = np.sum(points * (factor @ factor.T @ points), axis=0)
+    assert {"inside": cost.max() < 1, "around": cost.min() > 1}.get(place, np.allclose(cost, 1))
+    assert (
+        compare_with_regulator(rows, 1.0)
+        == f"at t = 0 {place} the regulator's ellipse, ρ(0) = {start:.2f} to {start:.2f}"
+    )
+    assert compare_with_regulator(rows.iloc[:0], 1.0) == ""

@@ -120,6 +120,8 @@ def figure_4_3(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
             column[2].plot(phase, rows["rho"], label=PLANE_TITLES[plane], **_PLANE_LOOKS[plane])
         column[0].set_title(variant.title)
         column[1].set_xlabel("θ (rad)")
+        abdomen = variant.select(funnels).query("com == 'abdomen'")
+        column[2].set_title(compare_with_regulator(abdomen, variant.level).replace(", ", "\n"))
         column[2].set(xlabel="Time $t/T$", xlim=(0, 1))
     _share_frames(axes[:2], [item.wording for item in shown])
     for axis, plane in zip(axes[:, 0], PLANE_TITLES.values(), strict=False):
@@ -154,7 +156,22 @@ def figure_4_4(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
         axis.set_xlabel("θ (rad)")
     _share_frames(axes, [variant.wording for variant, _ in shown])
     _add_shared_legend(figure, axes[0])
+    variants = dict.fromkeys(variant for variant, _ in shown)
+    lines = [f"{item.title}: {compare_with_regulator(item.select(funnels), item.level)}" for item in variants]
+    figure.supxlabel("\n".join(line.replace("\n", ", ") for line in lines), fontsize=6.5)
     return figure
+
+
+def compare_with_regulator(funnels: pd.DataFrame, level: float) -> str:
+    """Return whether basins at t = 0 are inside the regulator's ellipses V ≤ level or around them; empty without basins.
+
+    Both are ellipses of the same V, so their levels decide. `funnels` has the rows of one variant in ``funnel.csv``.
+    """
+    first = funnels.groupby(["com", "plane"])["rho"].first()
+    if first.empty:
+        return ""
+    place = "inside" if (first < level).all() else "around" if (first > level).all() else "not always inside"
+    return f"at t = 0 {place} the regulator's ellipse, ρ(0) = {first.min():.2f} to {first.max():.2f}"
 
 
 _PLANE_LOOKS: dict[str, dict] = {
