@@ -26,10 +26,11 @@ def main(records: Path = RECORDS, picture: Path = ROOT / "docs" / "images" / "fr
     )
     for step, (above, below) in zip(path, axes.T, strict=True):
         color = (style.WITH_EFFECTS if step.effects else style.MODELS["KB"])["color"]
+        label = "with effects" if step.effects else "Kelvin–Boltzmann model"
         simulated = diagnosis.refine(step.effects).model.simulate(record)
         measured = record["output"]
         above.plot(record.time[shown], measured[shown], color=style.MEASURED, label="measured")
-        above.plot(record.time[shown], simulated[shown], color=color, linestyle=(0, (4, 1.2)), label="model")
+        above.plot(record.time[shown], simulated[shown], color=color, linestyle=(0, (4, 1.2)), label=label)
         added = readable(step.effects[-1]).replace("coulomb", "Coulomb") if step.effects else ""
         name = f"+ {added}" if added else "Kelvin–Boltzmann model"
         above.set_title(f"{name}: error {step.unseen_rms[UNSEEN]:.2g} N", fontsize=10)
@@ -38,9 +39,13 @@ def main(records: Path = RECORDS, picture: Path = ROOT / "docs" / "images" / "fr
         below.set_xlabel("Time (s)")
     axes[0, 0].set_ylabel("Force (N)")
     axes[1, 0].set_ylabel("Residual (N)")
-    for axis in axes[:, 0]:
-        style.add_head_room(axis, 0.25)
-        axis.legend(loc="upper right", ncols=2)
+    # One entry for every colour, above all panels.
+    entries = {
+        label: handle
+        for axis in axes.T.flat
+        for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(entries.values(), entries.keys(), loc="outside upper center", ncols=4)
     figure.supxlabel("Data: synthetic twin", x=0.995, ha="right", fontsize=6, color="#555555")
     figure.savefig(picture, dpi=160)
 

@@ -57,11 +57,11 @@ def test_three_formats_have_equal_cells(tmp_path):
     assert {row["data"] for row in rows} == {"synthetic twin"}
     page = Cells()
     page.feed((tmp_path / "table.html").read_text(encoding="utf-8"))
-    assert page.cells == ["Model", "Value (N)", "p", "A_1", "0.3333", "–", "<B>", "2000", "0.5"]
+    assert page.cells == ["Model", "Value (N)", "p", "A_1", "0.333", "–", "<B>", "2000", "0.5"]
     tex = (tmp_path / "table.tex").read_text(encoding="utf-8")
-    assert r"A\_1 & 0.3333 & – \\" in tex
-    assert r"\textless{}B\textgreater{} & 2000\phantom{.0000} & 0.5 \\" in tex
-    assert r"100 \% scale" in tex
+    assert r"A\_1 & 0.333 & – \\" in tex
+    assert r"\textless{}B\textgreater{} & 2000\phantom{.000} & 0.5 \\" in tex
+    assert "% Value (N): Force in N, 100 % scale\n" in tex  # a comment
     assert r"A table \& its title. Data: synthetic twin." in tex
     assert "unused" not in tex
 
@@ -163,6 +163,15 @@ def test_latex_omits_only_folded_columns(tmp_path):
     tex, page = table.to_latex(), table.to_html()
     assert "Added (N)" in tex and "More 1" not in tex
     assert page.index("Added (N)") < page.index("<details>") < page.index("More 1")
+
+
+def test_latex_note_has_at_most_two_lines_and_whole_sentences():
+    notes = ("A short one", "A long one " + "of many words " * 20)
+    tex = make_table(notes=notes).to_latex()
+    (printed,) = re.findall(r"\\raggedright (A.*?)}\n", tex)
+    assert printed == "A short one."
+    assert all(f"% {' '.join(note.split())}\n" in tex for note in notes)
+    assert "raggedright A" not in make_table(notes=notes[1:]).to_latex()
 
 
 def test_column_without_header_is_shown():

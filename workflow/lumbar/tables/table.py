@@ -35,6 +35,10 @@ _N_FIRST_ROWS = 12
 _MAX_LISTED_COLUMNS = 16
 LATEX_WIDTH = 52
 """Characters in ``\\footnotesize`` across a journal's column."""
+PAGE_LINE = 112
+"""Characters in ``\\footnotesize`` across a journal's page."""
+NOTE_LINES = 2
+"""Largest number of lines of the note below a table in LaTeX."""
 PAGE_ROWS = 45
 """Largest number of rows on a page of LaTeX; a longer table continues in an unnumbered table."""
 _MAX_TEXT_WIDTH = 30
@@ -77,7 +81,7 @@ class Table:
     notes: tuple[str, ...] = ()
     """Remarks shown below the table."""
     decimals: dict[str, int] = field(default_factory=dict)
-    """Digits after the point in LaTeX and HTML (default: four significant digits)."""
+    """Largest number of digits after the point in LaTeX and HTML, which show three significant digits."""
     may_be_empty: frozenset[str] = frozenset()
     """Columns in which a cell may be empty ("not applicable")."""
     headers: dict[str, str] = field(default_factory=dict)
@@ -151,9 +155,7 @@ class Table:
             return table_layout.value_in_words(str(value)) or table_layout.EMPTY
         if value < table_layout.SMALLEST_P and column.startswith("p_"):
             return f"< {table_layout.SMALLEST_P:f}".rstrip("0")
-        return table_layout.scientific(
-            f"{value:.{self.decimals[column]}f}" if column in self.decimals else f"{value:.4g}"
-        )
+        return table_layout.format_cell(value, self.decimals.get(column))
 
     def header(self, name: str) -> str:
         """Return the header of a column.
@@ -185,10 +187,14 @@ class Table:
         return names[: table_layout.count_fitting(self._columns(names, every))], rows
 
     def to_latex(self) -> str:
-        """Return ``booktabs`` environments of the columns and rows shown first, one or two journal columns wide."""
+        """Return ``booktabs`` environments of the columns and rows shown first, one or two journal columns wide.
+
+        As many sentences of the notes as fit two lines are below the table; all notes and definitions are comments.
+        """
         names, rows = self._first_shown()
-        remarks = [*self.notes, *(f"{self.header(name)}: {self.definitions[name]}" for name in names)]
-        return _latex_table(self.title, self._columns(names, rows), remarks, self.source_label)
+        definitions = [f"{self.header(name)}: {self.definitions[name]}" for name in names]
+        columns = self._columns(names, rows)
+        return _latex_table(self.title, columns, self.notes, definitions, self.source_label)
 
     def to_html(self) -> str:
         """Return a self-contained page without scripts or external resources.
@@ -322,14 +328,18 @@ def escape_latex(text: str) -> str:
 
 
 def _latex_table(
-    title: str, columns: Sequence[table_layout.Column], remarks: Sequence[str], source_label: str
+    title: str,
+    columns: Sequence[table_layout.Column],
+    notes: Sequence[str],
+    definitions: Sequence[str],
+    source_label: str,
 ) -> str:
     """Return ``booktabs`` table environments; LaTeX numbers the table."""
     wide = sum(column.width for column in columns) > LATEX_WIDTH
     environment = "table*" if wide else "table"
     rows = len(columns[0].cells) if columns else 0
     parts = [range(start, min(start + PAGE_ROWS, rows)) for start in range(0, rows, PAGE_ROWS)] or [range(0)]
-    lines = [_PREAMBLE]
+    lines = [_PREAMBLE, *(f"% {' '.join(remark.split())}" for remark in (*notes, *definitions))]
     unnumbered = _TABLE_NUMBER.sub("", title) or title
     alignments = "".join(
         "r"
@@ -356,11 +366,21 @@ def _latex_table(
             r"\bottomrule",
             r"\end{tabular}",
         ]
-        if part is parts[-1]:
-            text = escape_latex(" ".join(f"{remark.rstrip('.')}." for remark in remarks))
+        text = escape_latex(_shorten_notes(notes, NOTE_LINES * (PAGE_LINE if wide else LATEX_WIDTH)))
+        if part is parts[-1] and text:
             lines.append(rf"\par\smallskip\parbox{{\linewidth}}{{\raggedright {text}}}")
         lines.append(rf"\end{{{environment}}}")
     return "\n".join(lines) + "\n"
+
+
+def _shorten_notes(notes: Sequence[str], longest: int) -> str:
+    """Return the first whole sentences of the notes, with at most `longest` characters."""
+    text = ""
+    for sentence in re.split(r"(?<=[.;]) (?=[A-Z])", " ".join(f"{note.rstrip('.')}." for note in notes)):
+        if len(text) + len(sentence) >= longest:
+            break
+        text = f"{text} {sentence}".strip()
+    return text
 
 
 def _latex_header(column: table_layout.Column) -> str:

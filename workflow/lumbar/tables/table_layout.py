@@ -1,11 +1,13 @@
 """Layout of a table on a page: numbers aligned on the decimal sign, no wider than the page, names as text with units."""
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from lumbar.base.formats import format_number
 from lumbar.base.yaml_file import shipped_yaml
 
 _TEXTS = shipped_yaml(Path(__file__).with_suffix(".yaml"))
@@ -73,6 +75,8 @@ _MAX_TEXT_WIDTH = 26
 _MIN_TEXT_WIDTH = 14
 """Number of characters to which lines of cells are wrapped if there are many columns."""
 EMPTY = "–"
+DIGITS = 3
+"""Significant digits of printed numbers."""
 SMALLEST_P = 1e-4
 """Smallest printed p value; smaller ones are printed as ``< 0.0001``, as no tail of a distribution is known so exactly."""
 _NUMBER = re.compile(r"((?:< )?[+−-]?\d+)((?:\.\d+)?(?:·10[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)?)")
@@ -147,6 +151,29 @@ def scientific(text: str) -> str:
     if not sign or not re.fullmatch(r"[+-]?\d+", exponent):
         return text
     return f"{mantissa}·10{str(int(exponent)).translate(_RAISED)}"
+
+
+def format_cell(value: float, decimals: int | None = None) -> str:
+    """Return a number with three significant digits; a whole number below a million is not rounded.
+
+    Parameters
+    ----------
+    value : float
+        Number of a cell.
+    decimals : int, optional
+        Largest number of digits after the point.
+
+    Examples
+    --------
+    >>> format_cell(86.02), format_cell(2048.0), format_cell(3999.4, 2), format_cell(5.0, 2), format_cell(0.064, 2)
+    ('86', '2048', '4000', '5.00', '0.06')
+    """
+    is_whole = value == round(value) and abs(value) < 1e6
+    if decimals is None:
+        return f"{value:.0f}" if is_whole else scientific(format_number(value, DIGITS))
+    size = math.floor(math.log10(abs(value))) + 1 if value else 1
+    rounded = value if is_whole else round(value, DIGITS - size)
+    return f"{rounded:.{max(0, min(decimals, DIGITS - size))}f}"
 
 
 def count_fitting(columns: Sequence[Column], width: int = PAGE_WIDTH) -> int:

@@ -14,6 +14,7 @@ from lumbar.publishing.figures.style import (
     MODELS,
     SERIES,
     SINGLE_COLUMN,
+    WITH_EFFECTS,
     add_head_room,
     house_style,
     label_panels,
@@ -73,12 +74,12 @@ def record_comparison_figure(
     draw_segment((response, residual), record, simulated, mine, segment, model)
     output = record.channels["output"]
     label = f"{output.quantity.capitalize()} ({unit_in_print(output.unit)})"
-    response.set(ylabel=label, title=record.name.replace("_", " "))
-    response.legend(loc="upper right", ncols=2)
-    add_head_room(response, 0.18)
+    response.set_ylabel(label)
+    figure.legend(*response.get_legend_handles_labels(), loc="outside upper left", ncols=2)
     residual.set_xlim(segment)
     _draw_shares(shares, comparisons)
     label_panels([response, shares, residual])
+    response.set_title(record.name.replace("_", " "))
     return figure
 
 
@@ -94,18 +95,18 @@ def draw_segment(
     response, residual = axes
     inside = (record.time >= segment[0] - 1e-9) & (record.time <= segment[1] + 1e-9)
     time, measured, modelled = record.time[inside], record["output"][inside], simulated[inside]
-    color = MODELS.get(model.split("+")[0].split()[-1], MODELS["KB"])["color"]
+    base, *effects = model.split("+")
+    color = (WITH_EFFECTS if effects else MODELS.get(base.split()[-1], MODELS["KB"]))["color"]
     response.plot(time, measured, color=MEASURED, linewidth=0.9, label="measured")
     dashed = {"linestyle": (0, (4, 1.2)), "linewidth": 1.4}
-    response.plot(time, modelled, color=color, label=f"{model}, free run", **dashed)
+    response.plot(time, modelled, color=color, label=f"{model.replace('_', ' ')}, free run", **dashed)
     if comparison.floor is not None:
         band = 2 * comparison.floor.rms
         residual.axhspan(-band, band, color="#cccccc", linewidth=0, label="± 2 × noise floor")
     residual.plot(time, measured - modelled, color=color, linewidth=0.8)
     residual.set(ylabel=f"Measured − model\n({unit_in_print(comparison.unit)})", xlabel="Time (s)")
     if comparison.floor is not None:
-        add_head_room(residual, 0.25)
-        residual.legend(loc="upper right")
+        residual.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), borderaxespad=0, borderpad=0.1)
 
 
 def _draw_shares(axis, comparisons: list[Comparison]) -> None:
@@ -154,13 +155,8 @@ def ladder_figure(path: Sequence[Candidate], experiment: Experiment) -> Figure:
     train, test = [item.train_rms for item in path], [item.test_rms for item in path]
     floor = None if experiment.floor is None else experiment.floor.rms
     errors = {"training record": train, experiment.test_data: test}
-    draw_error_bars(axes, errors, distinguishing_digits(train, 2) + distinguishing_digits(test, 2), floor)
-    shown = [*train, *test, *([floor] if floor else [])]
-    smallest, largest = min(shown), max(shown)
-    if largest > 8 * smallest:
-        axes.set(yscale="log", ylim=(0.5 * smallest, 2.2 * largest))
-    else:
-        axes.set_ylim(0, 1.25 * largest)
+    draw_error_bars(axes, errors, distinguishing_digits(train, 3) + distinguishing_digits(test, 3), floor)
+    axes.set_ylim(0, 1.15 * max(*train, *test, floor or 0.0))
     labels = [path[0].fit.structure.base.name]
     for before, item in pairwise(path):
         added = item.effects[len(before.effects) :]

@@ -68,6 +68,8 @@ _TOES = {
 _END_NAMES = {"C7T1": "C7/T1", "T12L1": "T12/L1", "L4L5": "L4/L5", "L5S1": "L5/S1", "MID_HIP": "mid-hip"}
 _XIPHOID = "xiphoid's level"
 _GREY = "#888888"
+_ABOVE = {"loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0, "columnspacing": 1.0}
+"""Place of a legend above its panel, where it covers no curve."""
 
 
 @house_style
@@ -168,12 +170,12 @@ def pendulum_figure(lift: dict, pendulum: PendulumSettings) -> Figure:
         ):
             torque = feedforward_torque(total, sign, pendulum.damping_N_m_s, pendulum.gravity_m_s2)
             torques.plot(total.time, torque, color=MEASURED, linestyle=line, label=label)
-        torques.legend()
+        torques.legend(ncols=2, **_ABOVE)
     for com, color in SEGMENTS.items():
         planar = lift["states"].query("com == @com and plane == 'flexion_extension'")
         angles.plot(planar["time_s"], planar["angle_rad"], color=color, linestyle=_LINES[com], label=com)
     angles.set_ylabel("Angle θ (rad)")
-    angles.legend()
+    angles.legend(ncols=4, **_ABOVE)
     torques.set(xlabel="Time (s)", ylabel="Torque $u_0$ of the total body (N·m)")
     label_panels((person, angles, torques))
     return figure

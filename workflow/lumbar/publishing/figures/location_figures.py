@@ -58,7 +58,7 @@ def location_figure(location: Location) -> Figure:
 def _draw_time(axis, table: dict[str, np.ndarray], residual: Residual) -> None:
     middle = (table["start"] + table["stop"]) / 2
     edges = np.append(table["start"], table["stop"][-1])
-    axis.stairs(table["rms"], edges, color=SERIES[0], linewidth=1.2, label="RMS")
+    axis.stairs(table["rms"], edges, baseline=None, color=SERIES[0], linewidth=1.2, label="RMS")
     bars = {"fmt": "s", "markersize": 3, "color": SERIES[3], "linewidth": 0.8, "capsize": 1.5}
     axis.errorbar(middle, table["mean"], 1.96 * table["deviation"], label="mean", **bars)
     if residual.floor is not None:

@@ -23,8 +23,8 @@ from lumbar.tissue.haptics.loop_verdict import LoopVerdict
 from lumbar.tissue.haptics.z_width import ZWidth
 
 _FMI_LOOKS = {
-    "3.0": {"label": "FMI 3.0, event mode", "color": "#0072B2", "marker": "o", "linestyle": "-"},
-    "2.0": {"label": "FMI 2.0", "color": "#D55E00", "marker": "s", "linestyle": "--"},
+    "3.0": {"label": "FMI 3.0, event mode", "marker": "o", "linestyle": "-"},
+    "2.0": {"label": "FMI 2.0", "marker": "s", "linestyle": "--", "markerfacecolor": "white"},
 }
 
 
@@ -59,7 +59,8 @@ def fmu_force_figure(
     start = min(max(0, centre - 10), max(0, len(time) - 20))
     shown = slice(start, start + 20)
     for version, look in _FMI_LOOKS.items():
-        zoom.step(time[shown], outputs[detail, version][shown], where="post", markersize=3, **look)
+        look = {**look, "color": model_look(detail)["color"], "markersize": 3}
+        zoom.step(time[shown], outputs[detail, version][shown], where="post", **look)
     quantity, unit = output_label.split(" (")[0], output_label.split(" (")[-1]
     zoom.set(xlabel="Time (s)", ylabel=f"{quantity} of {detail} ({unit}")
     zoom.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0))
@@ -101,7 +102,7 @@ def loop_figure(verdicts: Sequence[LoopVerdict]) -> Figure:
     figure, axes = new_figure(DOUBLE_COLUMN, 3.6, sharex=True, sharey="row", **size)
     for (position, force), item in zip(axes.T, verdicts, strict=True):
         run = item.run
-        colour = "#D55E00" if run.oscillates else "#0072B2"
+        colour = model_look(item.model.name)["color"]
         position.plot(run.time, 1e3 * run.position, color=colour)
         force.step(run.time, run.force, where="post", color=colour)
         for bound in (-item.model.limit, item.model.limit):

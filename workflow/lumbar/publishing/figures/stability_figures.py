@@ -34,7 +34,7 @@ PLANE_TITLES = {"flexion_extension": "Flexion/extension", "lateral_bending": "La
 NO_BASIN = "no basin: see tables/missing_basins"
 GOAL = "#b03030"
 """Colour of the goal set, different from the black trajectory."""
-SECTIONS = 10
+SECTIONS = 5
 """Number of cross-sections drawn per basin, at equal intervals."""
 _CIRCLE = np.linspace(0.0, 2 * np.pi, 81)
 
@@ -141,20 +141,20 @@ def figure_4_4(funnels: pd.DataFrame, settings: StabilitySettings) -> Figure:
     """
     every = _variants(funnels, settings)
     shown = [(item, plane) for item in dict.fromkeys((every[0], every[-1])) for plane in PLANE_TITLES]
-    figure, axes = new_figure(DOUBLE_COLUMN, 5.4, nrows=len(SEGMENTS), ncols=len(shown))
-    for row, (com, colour) in zip(axes, SEGMENTS.items(), strict=True):
-        for axis, (variant, plane) in zip(row, shown, strict=True):
+    figure, axes = new_figure(DOUBLE_COLUMN, 1.9 * len(shown) + 0.5, nrows=len(shown), ncols=len(SEGMENTS))
+    for row, (variant, plane) in zip(axes, shown, strict=True):
+        for axis, (com, colour) in zip(row, SEGMENTS.items(), strict=True):
             rows = _pendulum(variant.select(funnels), com, plane)
             if len(rows):
-                _draw_basin(axis, rows, colour)
+                _draw_basin(axis, rows, colour, inset=False)
             else:
                 show_placeholder(axis, NO_BASIN)
-            if com == "thorax":
-                axis.set_title(f"{variant.title}\n{PLANE_TITLES[plane]}", fontsize=6.5)
-        row[0].set_ylabel(f"{com.capitalize()}\n" + r"$\dot\theta$ (rad/s)")
-    for axis in axes[-1]:
-        axis.set_xlabel("θ (rad)")
-    _share_frames(axes, [variant.wording for variant, _ in shown])
+        method = variant.title.partition("\n")[0]
+        row[0].set_ylabel(f"{PLANE_TITLES[plane]}\n{method}\n" + r"$\dot\theta$ (rad/s)")
+    for column, com in zip(axes.T, SEGMENTS, strict=True):
+        column[0].set_title(com.capitalize())
+        column[-1].set_xlabel("θ (rad)")
+    _share_frames(axes.T, [variant.wording for variant, _ in shown], head=1.3)
     _add_shared_legend(figure, axes[0])
     variants = dict.fromkeys(variant for variant, _ in shown)
     lines = [f"{item.title}: {compare_with_regulator(item.select(funnels), item.level)}" for item in variants]
@@ -180,14 +180,14 @@ _PLANE_LOOKS: dict[str, dict] = {
 }
 
 
-def _share_frames(axes, wordings: list[str]) -> None:
-    """Set common limits for panels with the same pendulums, with room for the insets above the basins."""
+def _share_frames(axes, wordings: list[str], head: float = 2.2) -> None:
+    """Set common limits for columns of panels with the same pendulums, with `head` times the basins' height above the centre."""
     for wording in dict.fromkeys(wordings):
         alike = axes[:, [item == wording for item in wordings]].ravel()
         edges = [axis.collections[0].get_datalim(axis.transData) for axis in alike if axis.collections]
         reach = np.max([np.abs([box.min, box.max]).max(axis=0) for box in edges], axis=0) if edges else (1, 1)
         for axis in alike:
-            axis.set(xlim=(-1.5 * reach[0], 1.5 * reach[0]), ylim=(-1.3 * reach[1], 2.2 * reach[1]))
+            axis.set(xlim=(-1.3 * reach[0], 1.3 * reach[0]), ylim=(-1.3 * reach[1], head * reach[1]))
 
 
 def _add_shared_legend(figure, axes) -> None:
@@ -201,7 +201,9 @@ def _add_shared_legend(figure, axes) -> None:
         figure.legend(labelled.values(), labelled.keys(), loc="outside upper center", ncols=3)
 
 
-def _draw_basin(axis, rows: pd.DataFrame, colour: str, regulator: float | None = None) -> None:
+def _draw_basin(
+    axis, rows: pd.DataFrame, colour: str, regulator: float | None = None, inset: bool = True
+) -> None:
     """Draw the sections of one basin, the goal set, the trajectory, and the regulator's ellipse if `regulator` is given."""
     every = rows.iloc[np.linspace(0, len(rows) - 1, SECTIONS).round().astype(int)]
     errors = _ellipses(every[_COST].to_numpy(), every["rho"].to_numpy())
@@ -221,15 +223,17 @@ def _draw_basin(axis, rows: pd.DataFrame, colour: str, regulator: float | None =
     axis.plot(*edges[-1].T, color=GOAL, linewidth=1.4, label="section at T")
     angle, velocity = (rows[name] for name in _REFERENCE)
     ink = {"color": MEASURED, "linewidth": 0.8}
-    axis.plot(angle, velocity, label="trajectory, enlarged in the corner", **ink)
+    axis.plot(angle, velocity, label="trajectory" + (", enlarged in the corner" if inset else ""), **ink)
+    if not inset:
+        return
     # The trajectory again, enlarged in a corner without basins, with its ranges below.
-    inset = axis.inset_axes([0.76, 0.79, 0.23, 0.2])
-    inset.plot(angle, velocity, **ink)
+    corner = axis.inset_axes([0.76, 0.79, 0.23, 0.2])
+    corner.plot(angle, velocity, **ink)
     start = {"marker": "o", "markersize": 3, "linestyle": "", "label": "its start"}
-    inset.plot(angle.iloc[:1], velocity.iloc[:1], color=MEASURED, **start)
-    inset.set(xticks=[], yticks=[])
+    corner.plot(angle.iloc[:1], velocity.iloc[:1], color=MEASURED, **start)
+    corner.set(xticks=[], yticks=[])
     ranges = f"{np.ptp(angle):.2g} rad\n{np.ptp(velocity):.2g} rad/s"
-    inset.set_xlabel(ranges, fontsize=6, labelpad=1, linespacing=0.95)
+    corner.set_xlabel(ranges, fontsize=6, labelpad=1, linespacing=0.95)
 
 
 STYLES = {
