@@ -35,6 +35,7 @@ def test_another_workflow_imports_the_rules_with_its_study(tmp_path):
     (tmp_path / "Snakefile").write_text(IMPORTING, encoding="utf-8")
     write_people(tmp_path, "anna")
     study = {"study": "ours", "lifting": {"subjects": ["anna", "novice"]}}
+    study["twin"] = {"lifting": {"people": {"anna": {"mass_kg": 77, "height_m": 1.75}}}}
     (tmp_path / "ours.yaml").write_text(json.dumps(study), encoding="utf-8")
     run = snakemake(tmp_path, "--dry-run", "--cores", "1", "--configfile", "ours.yaml").whole()
     assert run.jobs["page"] == 1 and run.jobs["lumbar_lift"] == 4

@@ -302,6 +302,7 @@ def test_lifts_that_the_twin_cannot_make_are_rejected(config, folder):
         f"{file} 10 … subject.trials.0.markers … lifting/expert_23kg.c3d … lifting/third_23kg.c3d",
         f"{file} 12 … subject.static … 'standing.c3d' … twin",
         f"{file} 8 … subject.experience … 'nurse' … twin … third_23kg, third_15kg",
+        f"{file} 4 … subject.name … third … mass_kg: 78, height_m: 1.75 … twin.lifting.people",
     ):
         assert has_tokens(message, tokens), tokens
 
