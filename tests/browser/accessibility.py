@@ -26,4 +26,8 @@ def fits(page, *widths: int) -> None:
     for width in widths:
         page.set_viewport_size({"width": width, "height": 900})
         page.wait_for_function("width => document.documentElement.scrollWidth <= width", arg=width)
-        assert page.evaluate(_FAULTS) == [], width
+        for _ in range(10):
+            if not (faults := page.evaluate(_FAULTS)):
+                break
+            page.wait_for_timeout(500)
+        assert faults == [], width

@@ -281,7 +281,8 @@ window.lumbar = (() => {
     const records = Object.keys(page.models.base.merits);
     const [head, body] = [made("thead", ""), made("tbody", "")];
     head.append(row([`RMS error (${page.unit})`, ...records.map((name) => `${name} (${part(name)})`)], "th", { scope: "col" }));
-    for (const [key, { label, merits: all }] of Object.entries(page.models)) {
+    const rank = ({ group, test_rms }) => test_rms + (group === page.models.base.group ? 0 : 1e9);
+    for (const [key, { label, merits: all }] of Object.entries(page.models).sort(([, a], [, b]) => rank(a) - rank(b))) {
       const line = row(records.map((name) => digits(all[name].rms)), "td");
       line.prepend(made("th", label, { scope: "row" }));
       if (key === keyOf(added)) line.setAttribute("aria-current", "true");

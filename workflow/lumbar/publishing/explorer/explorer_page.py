@@ -57,7 +57,7 @@ LINES = {"circle": "● excited", "square": "■ even", "triangle": "▲ odd one
 """Meaning of the spectrum's lines by marker."""
 FOLDS = (
     *("How likely is a false alarm?", "Can it be distinguished from the others?"),
-    *("What these records cannot decide", "Before and after"),
+    *("What these records cannot decide", "All candidates"),
 )
 """Titles of sections of the evidence that have a place of their own on the page."""
 _PLACES = {
@@ -254,7 +254,8 @@ class ExplorerPage:
             "sentence": sentences.model_sentence(candidate, base, experiment, is_noise),
             "chance": chance,
             "located": {
-                name: location_facts(item, self.catalogue, is_listed) for name, item in model.located.items()
+                name: location_facts(item, self.catalogue, is_noise, is_listed)
+                for name, item in model.located.items()
             },
             "parameters": Markup().join(
                 parameter_tables(candidate, estimates(candidate.fit, experiment.training, *units))
@@ -276,10 +277,15 @@ class ExplorerPage:
         return one_file(embed_pictures(self.fill), PAGE, self.variables())
 
 
-def location_facts(location: Location, catalogue: Mapping[str, Effect], is_listed: bool) -> dict[str, Any]:
-    """Return where a model fails on a record: the headline, places with their effects, and sentences by view if it is listed."""
-    places = {} if location.is_noise or location.is_near_noise_floor else location.shares
-    found = [(name, share) for name, share in places.items() if share >= _MIN_SHARE]
+def location_facts(
+    location: Location, catalogue: Mapping[str, Effect], is_noise: bool, is_listed: bool
+) -> dict[str, Any]:
+    """Return where a model fails on a record: the headline, places with their effects, and sentences by view.
+
+    A model that leaves noise has no places, a model that is not listed no sentences.
+    """
+    is_noise = is_noise or location.is_noise or location.is_near_noise_floor
+    found = [(name, share) for name, share in location.shares.items() if share >= _MIN_SHARE and not is_noise]
     return {
         "headline": f"{location.size}; it is seen" if found else location.headline,
         "places": [

@@ -39,9 +39,28 @@ def diagnosis_page(
 
     `diagnosis` has status and base, `headline` is the verdict, `sections` are by title, `source_label` is the data's origin.
     """
-    blocks = [html.paragraph(f"Verdict: {diagnosis.verdict}"), html.paragraph(headline, "headline")]
-    for title, section in sections.items():
-        blocks += [html.heading(title), *section]
+    experiment, path = diagnosis.experiment, diagnosis.path
+    floor = None if experiment.floor is None else experiment.floor.rms
+    top = max(floor or 0.0, *(item.test_rms for item in path)) or 1.0
+    names = [
+        diagnosis.base.fit.structure.base.name,
+        *(f"+ {readable(item.effects[-1])}" for item in path[1:]),
+    ]
+    steps = [
+        (name, f"{item.test_rms:.3g} {experiment.output_unit}", 100 * item.test_rms / top)
+        for name, item in zip(names, path, strict=True)
+    ]
+    noise = (
+        "the noise floor is unknown"
+        if floor is None
+        else f"dashed: noise, {floor:.3g} {experiment.output_unit}"
+    )
+    blocks = [
+        html.verdict(*verdict_chip(diagnosis), headline),
+        html.ladder(steps, floor and 100 * floor / top),
+        html.paragraph(f"Error on {experiment.test_data}; {noise}.", "note"),
+        *(html.fold(title, section, title == "Pictures") for title, section in sections.items()),
+    ]
     title = f"Diagnosis of the {diagnosis.base.fit.structure.base.name} model"
     return html.document(title, source_label, blocks)
 
@@ -63,14 +82,14 @@ def evidence_sections(
     )
     headlines = html.listing(item.location.headline for item in evidence.remaining)
     sections = {
-        "Result in full": [html.paragraph(line) for line in sentences.details(diagnosis, catalogue)],
-        "Before and after": _errors(diagnosis, evidence),
-        "How likely is a false alarm?": _false_alarm(diagnosis, evidence),
-        "Parameters": _parameters(diagnosis),
-        "Can it be distinguished from the others?": _ties(diagnosis, evidence),
         "Pictures": [html.figure(svg, caption) for caption, svg in pictures.items()],
-        "What remains": [html.paragraph(remaining), headlines],
+        "Parameters": _parameters(diagnosis),
+        "How likely is a false alarm?": _false_alarm(diagnosis, evidence),
+        "Can it be distinguished from the others?": _ties(diagnosis, evidence),
         "What these records cannot decide": [html.listing(limitations(diagnosis, evidence))],
+        "All candidates": _errors(diagnosis, evidence),
+        "Result in full": [html.paragraph(line) for line in sentences.details(diagnosis, catalogue)],
+        "What remains": [html.paragraph(remaining), headlines],
     }
     return {title: blocks for title, blocks in sections.items() if blocks}
 

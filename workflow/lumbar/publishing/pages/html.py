@@ -47,6 +47,21 @@ def paragraph(text: str, kind: str = "") -> Markup:
     return _macros().paragraph(text, kind)
 
 
+def verdict(text: str, tone: str, sentence: str) -> Markup:
+    """Return a verdict: a few words on a colour of the page's style (``good``, ``warn`` or ``bad``), and a sentence."""
+    return _macros().verdict(text, tone, sentence)
+
+
+def ladder(steps: Iterable[tuple[str, str, float]], noise: float | None) -> Markup:
+    """Return bars with name, value and length in percent; `noise` is the place of the noise floor in percent."""
+    return _macros().ladder(steps, noise)
+
+
+def fold(title: str, blocks: Iterable[Markup], is_open: bool = False) -> Markup:
+    """Return blocks that can be folded under their title."""
+    return _macros().fold(title, blocks, is_open)
+
+
 def listing(lines: Iterable[str]) -> Markup:
     """Return a bulleted list."""
     return _macros().listing(lines)
