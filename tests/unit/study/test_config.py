@@ -204,7 +204,7 @@ def test_python_effects_run_only_in_their_own_project(stranger, project, monkeyp
 def test_missing_recordings_name_source_and_licence(config, folder, monkeypatch):
     monkeypatch.delenv("LUMBAR_DATA", raising=False)
     (data := folder / "data").mkdir()
-    for root, problem in ((folder / "nowhere", "LUMBAR_DATA"), ("data", f"survey.csv … {data}")):
+    for root, problem in ((folder / "nowhere", "LUMBAR_DATA"), ("data", f"{data} … survey.csv")):
         message = refusal(load_study, recorded(config, root), folder)
         assert all(has_tokens(message, tokens) for tokens in (*SOURCE.values(), problem))
     for key in ("data_root", "data_source"):

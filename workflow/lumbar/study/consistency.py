@@ -219,7 +219,7 @@ def check_consistency(study: Study, root: Path, origins: Origins, sources: Mappi
 
 
 def _check_recordings(study: Study, add: Add) -> None:
-    root = study.data_root
+    root, missing = study.data_root, []
     for chapter, name in (
         (chapter, name) for chapter, files in recordings_of(study).items() for name in files
     ):
@@ -229,9 +229,16 @@ def _check_recordings(study: Study, add: Add) -> None:
         elif Path(name).is_absolute() or ".." in Path(name).parts:
             add(chapter, f"file {name!r}", "recordings are named relative to data_root, without '..'")
         elif isinstance(root, Path):
-            path, source = (root / name).resolve(), study.settings.data_source
+            path = (root / name).resolve()
             if not path.is_relative_to(root):
                 add(chapter, f"{name} leads out of data_root", "copy the file there")
             elif not path.is_file():
-                allowed = f"it comes with {source.name} (licence: {source.licence}): {source.obtain}"
-                add(chapter, f"{name} is not in {root}", allowed)
+                missing.append(name)
+    if missing:
+        add("data_root", f"{root} does not contain {', '.join(missing)}", how_to_obtain(study.settings))
+
+
+def how_to_obtain(settings: StudySettings) -> str:
+    """Return how to obtain the recordings of a study, for a message."""
+    source = settings.data_source
+    return f"obtain {source.name} (licence: {source.licence}) from {source.obtain}"

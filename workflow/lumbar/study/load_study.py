@@ -14,7 +14,7 @@ from lumbar.settings.lifting import SubjectFile, SubjectSettings
 from lumbar.settings.study_settings import StudySettings
 from lumbar.settings.tissue import ImprovementSettings, is_data
 from lumbar.settings.validation import Origins, overlay, validate
-from lumbar.study.consistency import Add, check_consistency, check_effects
+from lumbar.study.consistency import Add, check_consistency, check_effects, how_to_obtain
 from lumbar.study.study import (
     LIFTED,
     NEEDS,
@@ -226,8 +226,7 @@ def _data_root(settings: StudySettings, folders: Sequence[Path], add: Add) -> Pa
     folder = _find_first(folders, str(Path(root_name).expanduser()))
     if folder.is_dir():
         return folder.resolve()
-    content = f"it should contain {source.name} (licence: {source.licence}); obtain it from {source.obtain}"
-    add("data_root", f"the folder {folder} does not exist", f"{content}, then set data_root in {_DATA_ROOT}")
+    add("data_root", f"no folder {folder}", f"{how_to_obtain(settings)}, or set data_root in {_DATA_ROOT}")
     return None
 
 
