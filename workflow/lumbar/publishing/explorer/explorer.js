@@ -373,6 +373,7 @@ window.lumbar = (() => {
   function say(text, bad) {
     element("message").textContent = text;
     element("message").className = bad ? "bad" : "";
+    if (text !== "") element("message").scrollIntoView({ block: "nearest" });
   }
 
   // Shows a path; what was not fitted of it the server fits.
@@ -384,7 +385,7 @@ window.lumbar = (() => {
     }
     if (!known(effects)) {
       const command = page.command + effects.map((name) => ` --add ${name}`).join("");
-      say(`${readable(effects)} together were not fitted in this diagnosis. To fit them: ${command} --output out`, true);
+      say(`${readable(effects)} together were not fitted in this diagnosis. To fit them: ${command} --output out`);
       return;
     }
     if (isStep) past.push(added);

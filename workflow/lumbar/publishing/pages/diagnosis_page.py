@@ -56,8 +56,7 @@ def diagnosis_page(
         else f"dashed: noise, {floor:.3g} {experiment.output_unit}"
     )
     blocks = [
-        html.verdict(*verdict_chip(diagnosis), headline),
-        html.ladder(steps, floor and 100 * floor / top),
+        html.summary(verdict_chip(diagnosis), headline, steps, floor and 100 * floor / top),
         html.paragraph(f"Error on {experiment.test_data}; {noise}.", "note"),
         *(html.fold(title, section, title == "Pictures") for title, section in sections.items()),
     ]
@@ -75,12 +74,6 @@ def evidence_sections(
 
     The `catalogue` has the mechanisms and experiments of `diagnosis` and `evidence`; `pictures` are SVG files by caption.
     """
-    floor, after = diagnosis.experiment.floor, diagnosis.model.test_rms
-    noise = f"{after / floor.rms:.3g} times the noise floor" if floor else "the share of noise is unknown"
-    remaining = (
-        f"Error on {diagnosis.experiment.test_data}: {after:.4g} {diagnosis.experiment.output_unit}; {noise}."
-    )
-    headlines = html.listing(item.location.headline for item in evidence.remaining)
     sections = {
         "Pictures": [html.figure(svg, caption) for caption, svg in pictures.items()],
         "Parameters": _parameters(diagnosis),
@@ -89,7 +82,7 @@ def evidence_sections(
         "What these records cannot decide": [html.listing(limitations(diagnosis, evidence))],
         "All candidates": _errors(diagnosis, evidence),
         "Result in full": [html.paragraph(line) for line in sentences.details(diagnosis, catalogue)],
-        "What remains": [html.paragraph(remaining), headlines],
+        "What remains": [html.paragraph(item.location.headline) for item in evidence.remaining],
     }
     return {title: blocks for title, blocks in sections.items() if blocks}
 

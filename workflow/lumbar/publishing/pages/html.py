@@ -47,14 +47,15 @@ def paragraph(text: str, kind: str = "") -> Markup:
     return _macros().paragraph(text, kind)
 
 
-def verdict(text: str, tone: str, sentence: str) -> Markup:
-    """Return a verdict: a few words on a colour of the page's style (``good``, ``warn`` or ``bad``), and a sentence."""
-    return _macros().verdict(text, tone, sentence)
+def summary(
+    chip: tuple[str, str], sentence: str, steps: Iterable[tuple[str, str, float]], noise: float | None
+) -> Markup:
+    """Return a verdict and its error ladder.
 
-
-def ladder(steps: Iterable[tuple[str, str, float]], noise: float | None) -> Markup:
-    """Return bars with name, value and length in percent; `noise` is the place of the noise floor in percent."""
-    return _macros().ladder(steps, noise)
+    The `chip` has a few words and a colour of the page's style, `steps` have name, value and length in percent; `noise` is the
+    place of the noise floor in percent.
+    """
+    return _macros().summary(*chip, sentence, steps, noise)
 
 
 def fold(title: str, blocks: Iterable[Markup], is_open: bool = False) -> Markup:
