@@ -50,7 +50,7 @@ def make_results(folder: Path) -> Path:
         *(f"long_name_of_a_measure_{number}_mm" for number in range(24)),
     ]
     frame = pd.DataFrame({name: [10.0**row for row in range(-4, 4)] for name in names})
-    frame["trained_on"], frame["model"] = "noise", "KB"
+    frame["trained_on"] = "noise"
     for number in range(7):
         frame[f"remark_{number}"] = "an explanation of inhomogeneously distributed words " * 3
     names = list(frame.columns)

@@ -68,7 +68,7 @@ def test_troubles_are_grouped_and_failures_precede_warnings(results, page):
 def test_main_results_are_computed(results, page):
     first, second = main_results(results, ["diagnoses-one", "diagnoses-two"], CLAIMS)
     assert (first.key, first.figures) == ("diagnoses-one", "0.4 → 0.123 N")
-    assert "KB model on unseen records of “one”, without and with inertia" in first.sentence
+    assert "KB model on data of “one” to which it was not fitted, without and with inertia" in first.sentence
     assert (second.key, second.figures) == ("state-claims", "1 of 2")
     assert main_results(results, [], None) == []
     assert "0.4 → 0.123 N" in page

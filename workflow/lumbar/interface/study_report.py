@@ -43,7 +43,7 @@ class StudyReport:
 
 
 def report(results: str | os.PathLike, project: str | os.PathLike = ".") -> StudyReport:
-    """Return the report of a finished study: failures and warnings, then every table and figure in the order of the thesis.
+    """Return the report of a finished study: main results, failures and warnings, then every table and figure by chapter.
 
     Parameters
     ----------

@@ -12,10 +12,10 @@ import pandas as pd
 from lumbar.base.files import read_json
 from lumbar.publishing.figures.style import SUBJECT_PREFIX
 from lumbar.publishing.pages.sketches import ladder_sketch, lift_sketch
-from lumbar.publishing.study_report.main_results import find_clearest_diagnosis
+from lumbar.publishing.study_report.main_results import find_clearest_diagnosis, format_fall
 from lumbar.study.study import Artefact
 from lumbar.tables.table import svg_address
-from lumbar.tables.table_layout import column_in_words, scientific, split_number, unit_in_print
+from lumbar.tables.table_layout import column_in_words, scientific, split_number, value_in_words
 
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _LENGTHS = re.compile(r'(?<=\s)(?:d|points|x|y|cx|cy)="[^"]*"')
@@ -260,8 +260,8 @@ def diagnosis_sentence(diagnosis: dict) -> str:
     """Return the result of a diagnosis as a sentence, from the content of its ``diagnosis.json``."""
     if "headline" in diagnosis:
         return diagnosis["headline"]
-    base, selected = diagnosis["base"], diagnosis["selected"]
-    effects = " and ".join(name.replace("_", " ") for name in selected) or "no effect"
+    base = diagnosis["base"]
+    effects = " and ".join(map(value_in_words, diagnosis["selected"])) or "no effect"
     more = "" if diagnosis.get("verdict_after", "adequate") == "adequate" else " and more (named, incomplete)"
     sentence = {
         "named": f"The {base} model is missing {effects}{more}.",
@@ -269,15 +269,7 @@ def diagnosis_sentence(diagnosis: dict) -> str:
         "unexplained": f"What the {base} model leaves is unexplained; {effects} comes nearest.",
         "adequate": f"Nothing is missing from the {base} model, as far as these records tell.",
     }[diagnosis["verdict"]]
-    first, last = (diagnosis["ladder"][step].get("test_rms") for step in (0, -1))
-    if first is None or last is None:
-        return sentence
-    unit, floor = unit_in_print(diagnosis["unit"]), diagnosis["noise_floor_rms"]
-    with_effects = f" {unit} without and {last:.3g} {unit} with the effects" if selected else f" {unit}"
-    noise = "" if floor is None else f"; noise floor {floor:.3g} {unit}"
-    is_split = [*diagnosis["ladder"][0].get("unseen_rms", ())] == [diagnosis["train"]]
-    data = "the last part of the record" if is_split else "unseen records"
-    return f"{sentence} Error on {data} (RMS): {first:.3g}{with_effects}{noise}."
+    return f"{sentence} Error (RMS) on data to which the models were not fitted: {format_fall(diagnosis)}."
 
 
 CLAIM_ARTEFACTS = {

@@ -42,16 +42,12 @@ def find_clearest_diagnosis(results: Path) -> tuple[str, dict] | None:
 
 
 def format_fall(diagnosis: dict) -> str:
-    """Return the error of the base and of the selected model on unseen records, from the content of ``diagnosis.json``."""
-    ladder = diagnosis["ladder"]
-    steps = [
-        error
-        for step in (ladder[:1] + ladder[-1:] if diagnosis["selected"] else ladder[:1])
-        if (error := step.get("test_rms")) is not None
-    ]
-    if not steps:
-        return "not known on unseen records"
-    return f"{' → '.join(f'{error:.3g}' for error in steps)} {unit_in_print(diagnosis['unit'])}"
+    """Return the error of the base and of the selected model on unseen data, from the content of ``diagnosis.json``."""
+    steps = diagnosis["ladder"][:: max(1, len(diagnosis["ladder"]) - 1)]
+    errors = [f"{step['test_rms']:.3g}" for step in steps if step.get("test_rms") is not None]
+    return (
+        f"{' → '.join(errors)} {unit_in_print(diagnosis['unit'])}" if errors else "not known on unseen data"
+    )
 
 
 def _diagnosis_result(results: Path) -> Iterator[MainResult]:
@@ -62,7 +58,8 @@ def _diagnosis_result(results: Path) -> Iterator[MainResult]:
         yield MainResult(
             f"diagnoses-{name}",
             format_fall(diagnosis),
-            f"error of the {diagnosis['base']} model on unseen records of “{value_in_words(name)}”, without and with {effects}",
+            f"error of the {diagnosis['base']} model on data of “{value_in_words(name)}” to which it was not fitted, without and "
+            f"with {effects}",
         )
 
 
@@ -94,22 +91,12 @@ def _basins_result(results: Path) -> Iterator[MainResult]:
     yield MainResult("basin_comparison", f"{exits} of {starts}", sentence)
 
 
-def _models_result(results: Path) -> Iterator[MainResult]:
-    path = results / "tables" / "table_3_1.csv"
-    if path.is_file():
-        best = (table := pd.read_csv(path)).loc[table["vaf_percent"].idxmax()]
-        model = f"the {best['model']} model trained on {best['trained_on']}"
-        sentence = f"of the force's variance explained by {model}, the best of Table 3.1"
-        yield MainResult("table_3_1", f"{best['vaf_percent']:.3g} %", sentence)
-
-
 def main_results(results: Path, keys: Iterable[str], claims: pd.DataFrame | None) -> Sequence[MainResult]:
     """Return up to `MAX_RESULTS` main results of a study with details under one of the anchors `keys`."""
     every = [
         *_diagnosis_result(results),
         *(() if claims is None else _claims_result(claims)),
         *_basins_result(results),
-        *_models_result(results),
     ]
     known = {*keys, "state-claims"}
     return [item for item in every if item.key in known][:MAX_RESULTS]
