@@ -188,7 +188,7 @@ class ExplorerPage:
             "excitations": {
                 model_key(item.effects): excitation_facts(separation, verdict) for item in separated
             },
-            "effects": self._effects(),
+            "effects": {} if verdict.orientation else self._effects(),  # no effect repairs exchanged records
             "models": facts,
         }
 
