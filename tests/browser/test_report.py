@@ -40,6 +40,10 @@ def test_first_screen_leads_to_one_chapter_at_a_time(browser, report):
     first.click()
     assert page.locator(".chapter:visible").count() == 1 and page.locator("#overview").is_hidden()
     assert page.locator("#table_3_1 h3").bounding_box()["y"] < 200
+    assert cards.count() == 1
+    page.get_by_role("link", name="whole chapter").click()
+    assert page.get_by_role("heading", name="System identification").bounding_box()["y"] < 200
+    page.go_back()
     page.go_back()
     assert cards.count() == 5
     page.close()

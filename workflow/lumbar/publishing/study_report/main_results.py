@@ -70,10 +70,9 @@ def _claims_result(claims: pd.DataFrame) -> Iterator[MainResult]:
         for verdict in (HOLDS, DOES_NOT_HOLD, BUILT_IN, BY_DEFINITION, CANNOT_BE_TESTED)
     )
     if holds + differs:
-        rest = "{} were built into the data, {} are true by definition, and {} cannot be tested on it".format(
-            *others
-        )
-        sentence = f"sentences of the thesis that this data can test are reproduced; {rest}"
+        endings = "built into the data", "true by definition", "impossible to test on it"
+        rest = ", ".join(f"{count} {ending}" for count, ending in zip(others, endings, strict=True) if count)
+        sentence = f"sentences of the thesis that this data can test are reproduced{rest and '; of the others: '}{rest}"
         yield MainResult("state-claims", f"{holds} of {holds + differs}", sentence)
 
 
