@@ -36,7 +36,7 @@ lumbar export results/thesis/tissue/models.json --model KB --output results/thes
 """What makes the things that the readers of single pages have."""
 QUOTING = {
     f"docs/tissue/{name}.md"
-    for name in ("haptic_runtime", "pendulum_moment", "relaxation_and_creep", "space", "tutorial")
+    for name in ("haptic_runtime", "pendulum_moment", "relaxation_and_creep", "space", "tutorial", "verdicts")
 }
 """Pages whose other blocks hold what their commands print, or sentences of the diagnosis."""
 REFUSED = {"lumbar import counts.csv --dry-run\n"}
@@ -53,12 +53,10 @@ LEFT = ("tissue/models.json", "twin/two_hidden_effects/noise.csv", "twin/hip_mom
 
 
 def quoted(page: str) -> list[str]:
-    """Lines that the commands of a page print, as it says; but for one on a record that is not there."""
+    """Lines that the commands of a page print, as it says."""
     shown = [block for block in blocks(PAGES[page], "") if not COMMAND.search(block)] * (page in QUOTING)
     lines = [line.strip(" …") for block in shown for line in block.splitlines()]
-    return [
-        line for line in lines if line and not line.startswith("To distinguish saturation from hysteresis")
-    ]
+    return [line for line in lines if line]
 
 
 def is_printed(line: str, told: str) -> bool:

@@ -253,9 +253,10 @@ def remaining_error(result: DiagnosisResult) -> str:
         effect, rms = readable(result.further.effects[-1]), result.further.test_rms
         falls = f"with it the error on {result.experiment.test_data} falls to {rms:.3g} {result.experiment.output_unit}"
         return f"Diagnosed again, {effect} is missing too: {falls}."
-    if result.experiment.floor is not None and is_adequate(result.model, result.experiment):
+    is_explained = result.refined_status != Status.UNEXPLAINED
+    if is_explained and result.experiment.floor is not None and is_adequate(result.model, result.experiment):
         return "Only noise is left, as far as these records show."
-    left = "something unexplained is left and " if result.refined_status == Status.UNEXPLAINED else ""
+    left = "" if is_explained else "something unexplained is left and "
     if not result.is_searched_further:
         return f"{left}no further effect was looked for.".capitalize()
     return f"Diagnosed again, {left}none of the most promising further effects passes."
