@@ -65,7 +65,7 @@ def test_added_subject_recomputes_only_its_lifts(study):
     people = study / "config" / "subjects"
     text = (people / "expert.yaml").read_text(encoding="utf-8").replace("expert", "third")
     (people / "third.yaml").write_text(text.replace("trained", "novice"), encoding="utf-8")
-    more = "lifting: {subjects: [expert, novice, third]}\n"
+    more = "lifting: {subjects: [expert, novice, third]}\ntwin: {lifting: {people: {third: {mass_kg: 78, height_m: 1.75}}}}\n"
     (study / "config" / "groups.yaml").write_text(STUDY + NAMED, encoding="utf-8")
     (study / "config" / "third_person.yaml").write_text(more, encoding="utf-8")
     files = ("--configfile", "config/groups.yaml", "config/third_person.yaml")

@@ -11,6 +11,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 import lumbar
+from lumbar.tissue.diagnosis.noise.noise_floor import noise_floor
 
 REPEATED, SECONDS = multisine(4, seed=3), np.arange(4000) * STEP
 
@@ -304,3 +305,14 @@ HARMLESS = {
 def test_short_or_random_deviations_are_not_bursts(kind):
     floor = floor_of(noisy_record(10, 0.3, 4, samples=1000, extra=HARMLESS[kind]))
     assert not any(text.startswith("bursts") for text, _ in floor.structured)
+
+
+def test_noise_of_many_short_periods_is_no_structure():
+    """A sine of 1 Hz at 50 Hz for a minute: more periods than samples in a period."""
+    time = 0.02 * np.arange(3000)
+    position, random = np.sin(2 * np.pi * time), np.random.default_rng(0)
+    for _ in range(20):
+        force = 1.5 * position + 0.01 * random.standard_normal(len(time))
+        floor = noise_floor(record(position, force, step=0.02), 1.0)
+        assert floor.changing_response_rms == 0
+        assert floor.rms == pytest.approx(0.01, rel=0.06)

@@ -56,6 +56,10 @@ _MAX_UNNAMED_SHARE = 0.5
 """Largest ratio of the variance of unnamed changes to that of bursts; at larger ratios the changes explain the bursts."""
 _NORMAL_975, _NORMAL_99, _NORMAL_999 = 1.959964, 2.326348, 3.090232
 """Quantiles of the normal distribution."""
+_MIN_SAMPLES_PER_PERIOD = 10
+"""Least ratio of the samples of a period to the number of periods: with fewer, noise of many periods resembles structure."""
+_MIN_LONG_PERIODS = 3
+"""Least number of long periods."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,8 +203,7 @@ def noise_floor(record: Record, period: float | None = None, fewest: int = MIN_P
         if scipy.special.chdtrc(len(means), spread) <= _WHITE_LEVEL:
             return None
     else:
-        split = remove_structure(deviations, mean_period, inputs.mean(axis=0))
-        noise, parts, degrees = split.rest, split.parts, split.degrees
+        noise, parts, degrees = _split_deviations(deviations, mean_period, inputs.mean(axis=0))
     exact = not np.any(noise)
     variance = _resolution(mean_period) ** 2 if exact else float(np.sum(noise**2)) / degrees
     noise, parts, degrees, bursts = _separate_bursts(noise, parts, degrees)
@@ -231,6 +234,21 @@ def noise_floor(record: Record, period: float | None = None, fewest: int = MIN_P
         halves=halves,
         exact=exact,
     )
+
+
+def _split_deviations(
+    deviations: np.ndarray, mean_period: np.ndarray, mean_excitation: np.ndarray
+) -> tuple[np.ndarray, list[StructuredPart], float]:
+    """Return noise, structured parts and degrees of freedom of the noise; several short periods count as one long period."""
+    periods, samples = deviations.shape
+    joined = int(np.ceil(np.sqrt(_MIN_SAMPLES_PER_PERIOD * periods / samples)))
+    joined = max(min(joined, periods // _MIN_LONG_PERIODS), 1)
+    rows = deviations[: periods // joined * joined].reshape(-1, joined * samples)
+    signals = (np.tile(signal, joined) for signal in (mean_period, mean_excitation))
+    split = remove_structure(rows - rows.mean(axis=0) if joined > 1 else rows, *signals)
+    for part in split.parts:
+        part.values = part.values.reshape(-1, samples)
+    return split.rest.reshape(-1, samples), split.parts, split.degrees
 
 
 def _rms_interval(variance: float, degrees: float) -> dict[str, float]:
