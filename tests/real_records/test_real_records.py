@@ -68,7 +68,7 @@ def test_intervals_hold_the_published_parameters_of_the_positioning_axis(shared)
         assert found[name].high - found[name].low < 0.2 * found[name].value, name
 
 
-@pytest.mark.nightly
+@pytest.mark.acceptance
 def test_two_tanks_are_predicted_as_by_grey_boxes_of_the_literature(project, shared):
     """0.57 V of a linear model, 0.191 V of the best published one (Cascaded tanks benchmark, 2016)."""
     if words := absent(shared / "real" / "cascaded_tanks", "real_records"):
@@ -89,8 +89,15 @@ ANEW = {name: (SLOW, FAST)[number % 2] for number, name in enumerate(sorted(READ
 """Units that the records are told in anew: slow and turned round, and fast, in turns, as either takes minutes of some."""
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize(("name", "units"), ANEW.items(), ids=ANEW)
+@pytest.mark.parametrize(
+    ("name", "units"),
+    [
+        pytest.param(
+            *item, marks=pytest.mark.nightly if item[0] in NIGHTLY else pytest.mark.acceptance, id=item[0]
+        )
+        for item in ANEW.items()
+    ],
+)
 def test_a_verdict_on_public_records_hangs_on_no_unit(shared, name, units):
     folder = shared / "real"
     if words := absent(folder / name_of_folder(name), "real_records"):
