@@ -280,10 +280,20 @@ def test_a_force_that_drifts_does_not_oscillate():
 OWN = {"hertzian_contact/sphere": ([0.4], []), "hertzian_contact/power": ([0.4], [1.7])}
 
 
+ENCODERS_UM = (0.0, 1.0, 30.0)
+
+
 @ON_LINUX
-@pytest.mark.nightly
-@pytest.mark.parametrize("encoder_um", (0.0, 1.0, 30.0))
-@pytest.mark.parametrize("form", [*FORM_NUMBERS, *OWN])
+@pytest.mark.parametrize(
+    ("form", "encoder_um"),
+    [  # by night every form with one encoder, in turn
+        pytest.param(
+            form, encoder, marks=pytest.mark.nightly if place == number % 3 else pytest.mark.acceptance
+        )
+        for number, form in enumerate([*FORM_NUMBERS, *OWN])
+        for place, encoder in enumerate(ENCODERS_UM)
+    ],
+)
 def test_no_push_shakes_a_stable_loop(form, encoder_um, zig_cache, project):
     catalogue = TISSUE
     if form in OWN:
