@@ -70,6 +70,7 @@ def make_results(folder: Path) -> Path:
         ladder = [{"effects": [], "test_rms": 0.4}, {"effects": ["inertia"], "test_rms": 0.1234}]
         document = {"base": "KB", "train": "noise", "unit": "N", "verdict": verdict, "complete": True}
         document |= {"selected": ["inertia"], "tied_with": [], "ladder": ladder, "noise_floor_rms": floor}
+        document |= {"headline": f"The KB model lacks inertia in {name}."}
         document |= {"findings": [{"sentence": "Clock & sign."}]}
         write_json(results / "improvement" / name / "diagnosis.json", document)
         write_text(results / "improvement" / name / "diagnosis.html", "<p>page</p>")

@@ -58,7 +58,7 @@ def unfold(page, title: str) -> None:
 
 
 def state_of(page) -> dict:
-    """What must change with every step: figures, sentences, length of the last bar, and the residual that is drawn."""
+    """Return what every step changes: figures, sentences, length of the last bar, and the drawn residual."""
     return page.evaluate(
         "() => ({fall: document.getElementById('fall').textContent, sentence: document.getElementById('sentence').textContent,"
         " headline: document.getElementById('headline').textContent,"

@@ -1,7 +1,6 @@
 """What a run of the workflow prints at its end: results in a few lines, and the warnings of its logs in groups."""
 
 import csv
-import json
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
@@ -17,13 +16,21 @@ def summary(results: Path) -> list[str]:
     results : path
         Folder of the study's results.
     """
-    diagnoses = {
-        path.parent.name: _read(path) for path in sorted(results.glob("improvement/*/diagnosis.json"))
-    }
-    first, *others = sorted(diagnoses, key=lambda name: _error_left(diagnoses[name])) or [""]
-    lines = [f"{first}: {_verdict(diagnoses[first])}"] if first else []
+    from lumbar.publishing.study_report.main_results import (
+        find_clearest_diagnosis,
+        format_fall,
+        read_diagnoses,
+    )
+
+    diagnoses, clearest = read_diagnoses(results), find_clearest_diagnosis(results)
+    lines = [f"{clearest[0]}: {clearest[1]['headline']}"] if clearest else []
+    others = [name for name in diagnoses if not clearest or name != clearest[0]]
     if others:
-        lines.append("; ".join(f"{name}: {_verdict(diagnoses[name])}" for name in others))
+        errors = (
+            f"{name}: {diagnoses[name]['verdict']}, error {format_fall(diagnoses[name], ' to ')}"
+            for name in others
+        )
+        lines.append("; ".join(errors))
     if claims := Counter(row["verdict"] for row in _rows(results / "claims.csv")):
         counted = ", ".join(f"{verdict} {number}" for verdict, number in sorted(claims.items()))
         lines.append(f"{claims.total()} claims of the thesis: {counted}")
@@ -40,27 +47,6 @@ def summary(results: Path) -> list[str]:
         remark = f"; {late} in FMI 2.0 give the force one sample late" if late else ""
         lines.append(f"{len(good)} of {len(files)} FMUs pass their checks{remark}")
     return lines
-
-
-def _error_left(diagnosis: dict) -> float:
-    errors = [step["test_rms"] for step in diagnosis["ladder"]]
-    return errors[-1] / errors[0] if errors[0] else 1.0
-
-
-def _verdict(diagnosis: dict) -> str:
-    """Return the verdict with the fall of the error on unseen records."""
-    base, unit = diagnosis["base"], diagnosis["unit"]
-    before, after = (f"{diagnosis['ladder'][index]['test_rms']:.3g}" for index in (0, -1))
-    added = " and ".join(diagnosis["selected"]).replace("_", " ")
-    error = f"error {before} to {after} {unit}" if added else f"error {before} {unit}"
-    complete = {True: "complete", False: "incomplete", None: "completeness unknown"}[diagnosis["complete"]]
-    verdicts = {
-        "adequate": f"no effect is missing from {base}",
-        "named": f"{base} is missing {added} ({complete})",
-        "tied": f"{base} is missing {added}, or another effect that these records cannot distinguish from it",
-        "unexplained": f"{base} is missing something that no effect explains",
-    }
-    return f"{verdicts[diagnosis['verdict']]}, {error}"
 
 
 def grouped_warnings(logs: Iterable[str]) -> list[str]:
@@ -82,10 +68,6 @@ def grouped_warnings(logs: Iterable[str]) -> list[str]:
         f"{heading.rstrip(':')}{f', {number - 1} more lines' if number > 1 else ''} ({log})"
         for (heading, log), number in counts.items()
     ]
-
-
-def _read(path: Path) -> dict:
-    return json.loads(path.read_text(encoding="utf-8"))
 
 
 def _rows(path: Path) -> list[dict[str, str]]:

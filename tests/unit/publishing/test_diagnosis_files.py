@@ -35,7 +35,7 @@ def test_static_page_needs_no_network_and_no_script(diagnosis):
 def test_json_keeps_the_contract_and_adds_keys(diagnosis, saved):
     content, contract = json.loads((saved / "diagnosis.json").read_text()), diagnosis.result.to_json()
     assert {key: content[key] for key in contract} == json.loads(json.dumps(contract))
-    more = {"ties", "separating_excitation", "false_alarm_threshold", "detectable_rms", "data"}
+    more = {"headline", "ties", "separating_excitation", "false_alarm_threshold", "detectable_rms", "data"}
     assert set(content) - set(contract) == more
     assert content["separating_excitation"] is None
 
@@ -114,7 +114,7 @@ def test_script_has_models_errors_and_sentences(diagnosis, html):
     assert content["selected"] == ["coulomb_friction"]
     assert content["models"]["coulomb_friction"]["test_rms"] == diagnosis.result.model.test_rms
     located, location = content["models"]["base"]["located"]["other"], diagnosis.reports[1].location
-    assert location.headline.startswith(located["headline"])
+    assert located["headline"] == f"{location.size}. Where it appears:"
     assert set(located["views"].values()) == {view.sentence for view in location.views.values()}
     offered = {name for _, effects in located["places"] for name in effects}
     assert "coulomb_friction" in offered <= set(content["effects"])

@@ -200,12 +200,12 @@ def _command(name: str, options, fitted: Sequence[str] = (), output: Sequence[st
     output : sequence of str
         Option of the output; default the present one.
     """
-    words = ["lumbar", name, str(options.folder), *fitted, *_settings(options)]
+    arguments = ["lumbar", name, str(options.folder), *fitted, *_settings(options)]
     for key in ("period",) if "--train" in fitted else ("train", "period"):
-        words += [word for value in getattr(options, key) or () for word in (f"--{key}", value)]
-    words += [f"--{key}" for key in ("forward", "session") if getattr(options, key)]
-    words += ["--data", options.data] if options.data else []
-    return shlex.join([*words, *(output or ["--output", str(options.output)])])
+        arguments += [part for value in getattr(options, key) or () for part in (f"--{key}", value)]
+    arguments += [f"--{key}" for key in ("forward", "session") if getattr(options, key)]
+    arguments += ["--data", options.data] if options.data else []
+    return shlex.join([*arguments, *(output or ["--output", str(options.output)])])
 
 
 def _settings(options) -> list[str]:

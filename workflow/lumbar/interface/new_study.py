@@ -102,14 +102,14 @@ def recognise_settings(path: Path, height_m: float | None = None) -> LiftingSett
     recording = read_markers(path, layout, screen=screening)
     masked = mask_findings(screening.points, screening.findings)
     usable = {label: places for label, places in masked.items() if np.isfinite(places).any()}
-    found = marker_set(replace(recording, positions=usable))
-    layout = MarkerLayout(aliases=found.aliases, required=())
-    if found.joints:
+    recognised = marker_set(replace(recording, positions=usable))
+    layout = MarkerLayout(aliases=recognised.aliases, required=())
+    if recognised.joints:
         layout = layout.model_copy(update={"points": "joint_centres"})
-    if found.axes:
-        forward = found.axes.forward or layout.forward
-        if forward[1] != found.axes.up[1]:
-            layout = layout.model_copy(update={"up": found.axes.up, "forward": forward})
+    if recognised.axes:
+        forward = recognised.axes.forward or layout.forward
+        if forward[1] != recognised.axes.up[1]:
+            layout = layout.model_copy(update={"up": recognised.axes.up, "forward": forward})
     return LiftingSettings(markers=layout)
 
 

@@ -96,7 +96,7 @@ class ExploredSet:
 
     @cached_property
     def sketch(self) -> Markup:
-        """Small picture of a record's output over time; empty if there is no record."""
+        """Small picture of a record's output over time; empty without recordings."""
         from lumbar.publishing.pages.sketches import course_sketch
 
         if self.read_first is None:

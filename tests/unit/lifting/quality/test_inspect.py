@@ -242,5 +242,5 @@ def test_lift_without_settings_knows_labels_and_axes_of_other_laboratories(tmp_p
     to_y_up = [0, 2, 1]
     turned = {others.get(name, name): places[:, to_y_up] * [1, 1, -1] for name, places in points.items()}
     write_recording(tmp_path / "turned.c3d", turned)
-    found = lumbar.lift(tmp_path / "turned.c3d", subject, 15, trial=subject.trials[0])
-    pd.testing.assert_frame_equal(found.states, known.states, rtol=1e-3, atol=1e-5)
+    recognised = lumbar.lift(tmp_path / "turned.c3d", subject, 15, trial=subject.trials[0])
+    pd.testing.assert_frame_equal(recognised.states, known.states, rtol=1e-3, atol=1e-5)

@@ -285,12 +285,14 @@ def location_facts(
     A model that leaves noise has no places, a model that is not listed no sentences.
     """
     is_noise = is_noise or location.is_noise or location.is_near_noise_floor
-    found = [(name, share) for name, share in location.shares.items() if share >= _MIN_SHARE and not is_noise]
+    places = [
+        (name, share) for name, share in location.shares.items() if share >= _MIN_SHARE and not is_noise
+    ]
     return {
-        "headline": f"{location.size}; it is seen" if found else location.headline,
+        "headline": f"{location.size}. Where it appears:" if places else location.headline,
         "places": [
             (f"{_PLACES[name]} {percent(share)}", [item for item in CAUSE_EFFECTS[name] if item in catalogue])
-            for name, share in found[:_LISTED_PLACES]
+            for name, share in places[:_LISTED_PLACES]
         ],
         "views": {name: view.sentence for name, view in location.views.items()} if is_listed else {},
     }

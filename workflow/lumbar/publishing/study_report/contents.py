@@ -12,10 +12,10 @@ import pandas as pd
 from lumbar.base.files import read_json
 from lumbar.publishing.figures.style import SUBJECT_PREFIX
 from lumbar.publishing.pages.sketches import ladder_sketch, lift_sketch
-from lumbar.publishing.study_report.main_results import find_clearest_diagnosis, format_fall
+from lumbar.publishing.study_report.main_results import find_clearest_diagnosis
 from lumbar.study.study import Artefact
 from lumbar.tables.table import svg_address
-from lumbar.tables.table_layout import column_in_words, scientific, split_number, value_in_words
+from lumbar.tables.table_layout import column_in_words, scientific, split_number
 
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 _LENGTHS = re.compile(r'(?<=\s)(?:d|points|x|y|cx|cy)="[^"]*"')
@@ -67,10 +67,10 @@ def shorten_svg(svg: str) -> str:
     """
     glyphs = {glyph[1]: glyph[0] for glyph in _GLYPH.finditer(svg)}
 
-    def write_text(found: re.Match) -> str:
-        bold = ' font-weight="bold"' if "-Bold-" in found["outlines"] else ""
-        look = f'font-size="{100 * float(found["scale"]):g}"{bold} style="{found["style"] or ""}"'
-        return f'<text transform="{found["place"]}" {look}>{found["text"]}</text>'
+    def write_text(outlined: re.Match) -> str:
+        bold = ' font-weight="bold"' if "-Bold-" in outlined["outlines"] else ""
+        look = f'font-size="{100 * float(outlined["scale"]):g}"{bold} style="{outlined["style"] or ""}"'
+        return f'<text transform="{outlined["place"]}" {look}>{outlined["text"]}</text>'
 
     def shorten(number: re.Match) -> str:
         return f"{float(number[0]):.1f}".rstrip("0").rstrip(".")
@@ -249,27 +249,11 @@ def _entry(
         table=inner[1] if inner else "",
         page="" if is_table else html,
         sketch=sketch,
-        sentence=diagnosis_sentence(diagnosis) if verdict else "",
+        sentence=diagnosis["headline"] if verdict else "",
         files=files,
         claims=tuple(claims),
         cells=compare_cells(claim_rows, artefact.id),
     )
-
-
-def diagnosis_sentence(diagnosis: dict) -> str:
-    """Return the result of a diagnosis as a sentence, from the content of its ``diagnosis.json``."""
-    if "headline" in diagnosis:
-        return diagnosis["headline"]
-    base = diagnosis["base"]
-    effects = " and ".join(map(value_in_words, diagnosis["selected"])) or "no effect"
-    more = "" if diagnosis.get("verdict_after", "adequate") == "adequate" else " and more (named, incomplete)"
-    sentence = {
-        "named": f"The {base} model is missing {effects}{more}.",
-        "tied": f"The {base} model is missing {effects}, or what these records cannot tell from it.",
-        "unexplained": f"What the {base} model leaves is unexplained; {effects} comes nearest.",
-        "adequate": f"Nothing is missing from the {base} model, as far as these records tell.",
-    }[diagnosis["verdict"]]
-    return f"{sentence} Error (RMS) on data to which the models were not fitted: {format_fall(diagnosis)}."
 
 
 CLAIM_ARTEFACTS = {

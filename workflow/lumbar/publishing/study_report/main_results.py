@@ -32,21 +32,32 @@ class MainResult:
 
 def find_clearest_diagnosis(results: Path) -> tuple[str, dict] | None:
     """Return record set and ``diagnosis.json`` with the largest share of the base model's error removed; None without any."""
-    found = []
-    for path in sorted(results.glob("improvement/*/diagnosis.json")):
-        diagnosis = read_json(path)
-        first, last = (diagnosis["ladder"][step].get("test_rms") for step in (0, -1))
-        if diagnosis["selected"] and first is not None and last is not None and last < first:
-            found.append((1 - last / first, path.parent.name, diagnosis))
-    return max(found, key=lambda item: item[0])[1:] if found else None
+    diagnoses = [
+        (_share_removed(diagnosis), name, diagnosis) for name, diagnosis in read_diagnoses(results).items()
+    ]
+    clearest = max(diagnoses, key=lambda item: item[0], default=(0.0,))
+    return clearest[1:] if clearest[0] > 0 else None
 
 
-def format_fall(diagnosis: dict) -> str:
-    """Return the error of the base and of the selected model on unseen data, from the content of ``diagnosis.json``."""
+def read_diagnoses(results: Path) -> dict[str, dict]:
+    """Return the content of ``diagnosis.json`` by record set."""
+    return {
+        path.parent.name: read_json(path) for path in sorted(results.glob("improvement/*/diagnosis.json"))
+    }
+
+
+def _share_removed(diagnosis: dict) -> float:
+    """Return the share of the base model's error on unseen data that the selected effects remove; 0 if it is not known."""
+    first, last = (diagnosis["ladder"][step].get("test_rms") for step in (0, -1))
+    return 1 - last / first if diagnosis["selected"] and first and last is not None else 0.0
+
+
+def format_fall(diagnosis: dict, between: str = " → ") -> str:
+    """Return the errors of the base and of the selected model on unseen data; `diagnosis` is from ``diagnosis.json``."""
     steps = diagnosis["ladder"][:: max(1, len(diagnosis["ladder"]) - 1)]
     errors = [f"{step['test_rms']:.3g}" for step in steps if step.get("test_rms") is not None]
     return (
-        f"{' → '.join(errors)} {unit_in_print(diagnosis['unit'])}" if errors else "not known on unseen data"
+        f"{between.join(errors)} {unit_in_print(diagnosis['unit'])}" if errors else "not known on unseen data"
     )
 
 

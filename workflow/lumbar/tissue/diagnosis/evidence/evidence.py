@@ -28,7 +28,7 @@ from lumbar.tissue.diagnosis.residuals.residual import steady_velocity
 from lumbar.tissue.diagnosis.selection.candidate import Candidate, drop_effect
 from lumbar.tissue.diagnosis.selection.diagnosis_result import DiagnosisResult
 from lumbar.tissue.diagnosis.selection.forward_selection import extend
-from lumbar.tissue.diagnosis.selection.sentences import effects_text, readable
+from lumbar.tissue.diagnosis.selection.sentences import effects_text, headline, readable
 from lumbar.tissue.diagnosis.selection.thresholds import (
     TIED,
     NullDistribution,
@@ -308,21 +308,21 @@ def write_diagnosis(
     The result is first written without evidence, so that it remains if `gather` fails. The excitation of an earlier diagnosis is
     removed from the folder. `source_label` names the source of the data.
     """
-    write_json(folder / "diagnosis.json", {**diagnosis.to_json(), "data": source_label})
+    document = {**diagnosis.to_json(), "headline": headline(diagnosis), "data": source_label}
+    write_json(folder / "diagnosis.json", document)
     write_csv(folder / "ladder.csv", ladder_frame(diagnosis, source_label))
     (folder / EXCITATION).unlink(missing_ok=True)
     evidence = gather()
-    write_json(folder / "diagnosis.json", diagnosis_document(diagnosis, evidence, source_label))
+    write_json(folder / "diagnosis.json", document | evidence_document(diagnosis, evidence))
     if evidence.separation is not None and evidence.separation.improves:
         motion = evidence.separation.excitation.motion
         write_text(folder / EXCITATION, motion_csv(motion, diagnosis.experiment.input_unit))
 
 
-def diagnosis_document(diagnosis: DiagnosisResult, evidence: Evidence, source_label: str) -> dict:
-    """Return the content of ``diagnosis.json``: the keys of the diagnosis and of its evidence."""
+def evidence_document(diagnosis: DiagnosisResult, evidence: Evidence) -> dict:
+    """Return the part of ``diagnosis.json`` that the evidence adds."""
     unit = diagnosis.experiment.output_unit
     return {
-        **diagnosis.to_json(),
         "ties": None if evidence.ties is None else evidence.ties.to_json(),
         "separating_excitation": None if evidence.separation is None else evidence.separation.to_json(),
         "false_alarm_threshold": None
@@ -332,7 +332,6 @@ def diagnosis_document(diagnosis: DiagnosisResult, evidence: Evidence, source_la
             item.effect: {"easiest": item.easiest, "hardest": item.hardest, "unit": unit}
             for item in evidence.detectable
         },
-        "data": source_label,
     }
 
 
