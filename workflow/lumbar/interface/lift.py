@@ -84,7 +84,11 @@ def lift(
     file = Path(markers)
     lift_name, trial = _find_trial(subject, file, box_mass_kg, trial)
     if settings is None:
-        settings = LiftingSettings() if given is not None else recognise_settings(file, subject.height_m)
+        settings = (
+            LiftingSettings()
+            if given is not None
+            else recognise_settings(file, subject.height_m, needs_axes=True)
+        )
     name, settings = name or lift_name, settings.settings_for_trial(trial)
     static = static or (_find_static_file(subject, trial, file) if given is None else None)
     standing = None

@@ -86,7 +86,9 @@ def marker_set(recording: MarkerRecording) -> MarkerSet:
     return MarkerSet(aliases, find_axes(measured), recording.joints or kind.joints, unused)
 
 
-def recognise_settings(path: Path, height_m: float | None = None) -> LiftingSettings:
+def recognise_settings(
+    path: Path, height_m: float | None = None, needs_axes: bool = False
+) -> LiftingSettings:
     """Return settings with the labels and the axes that are recognised in a marker file.
 
     Parameters
@@ -95,6 +97,13 @@ def recognise_settings(path: Path, height_m: float | None = None) -> LiftingSett
         C3D, TRC, CSV or BVH file.
     height_m : float, optional
         Stature of the subject, for the check of body lengths.
+    needs_axes : bool, default False
+        True refuses a file whose labels do not show the axes; False assumes the default axes.
+
+    Raises
+    ------
+    InputError
+        If the axes are needed and not known.
     """
     # With prefixes, because these may name a box.
     layout = MarkerLayout(subject_prefix=KEEP, required=(), check_axes=False)
@@ -106,6 +115,11 @@ def recognise_settings(path: Path, height_m: float | None = None) -> LiftingSett
     layout = MarkerLayout(aliases=recognised.aliases, required=())
     if recognised.joints:
         layout = layout.model_copy(update={"points": "joint_centres"})
+    if needs_axes and not (recognised.axes and recognised.axes.forward):
+        raise InputError(
+            f"{path}: the labels do not show which way the subject faces; write a study with 'lumbar new-study FOLDER', set "
+            "markers.up and markers.forward in it, and give it with --config"
+        )
     if recognised.axes:
         forward = recognised.axes.forward or layout.forward
         if forward[1] != recognised.axes.up[1]:

@@ -244,3 +244,13 @@ def test_lift_without_settings_knows_labels_and_axes_of_other_laboratories(tmp_p
     write_recording(tmp_path / "turned.c3d", turned)
     recognised = lumbar.lift(tmp_path / "turned.c3d", subject, 15, trial=subject.trials[0])
     pd.testing.assert_frame_equal(recognised.states, known.states, rtol=1e-3, atol=1e-5)
+
+
+def test_lift_without_settings_refuses_unknown_axes(tmp_path):
+    subject = example_lift(tmp_path / "lift.c3d")
+    points = lumbar.read(tmp_path / "lift.c3d").positions
+    write_recording(
+        tmp_path / "numbered.c3d", {f"M{number}": places for number, places in enumerate(points.values())}
+    )
+    with pytest.raises(lumbar.InputError, match=r"numbered\.c3d: .*markers\.forward.*--config"):
+        lumbar.lift(tmp_path / "numbered.c3d", subject, 15, trial=subject.trials[0])
