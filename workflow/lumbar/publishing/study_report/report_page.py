@@ -12,7 +12,7 @@ from lumbar.base.files import read_json
 from lumbar.base.templates import template
 from lumbar.publishing.reproduction.claim import DOES_NOT_HOLD
 from lumbar.publishing.study_report.contents import Chapter, format_value
-from lumbar.publishing.study_report.main_results import main_results
+from lumbar.publishing.study_report.main_results import main_results, read_diagnoses
 from lumbar.tables.table_layout import split_number
 
 FAILS, WARNS = "fails", "warns"
@@ -92,8 +92,8 @@ def _lift_troubles(results: Path) -> Iterator[Trouble]:
 
 
 def _diagnosis_troubles(results: Path) -> Iterator[Trouble]:
-    for path in sorted(results.glob("improvement/*/diagnosis.json")):
-        where, diagnosis = f"diagnosis of {_spell_out(path.parent.name)}", read_json(path)
+    for name, diagnosis in read_diagnoses(results).items():
+        where = f"diagnosis of {_spell_out(name)}"
         if diagnosis["verdict"] == "unexplained":
             yield Trouble(FAILS, where, "something is missing, and no effect of the catalogue explains it")
         if diagnosis["verdict"] == "tied":

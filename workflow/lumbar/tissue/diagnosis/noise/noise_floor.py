@@ -56,7 +56,7 @@ _MAX_UNNAMED_SHARE = 0.5
 """Largest ratio of the variance of unnamed changes to that of bursts; at larger ratios the changes explain the bursts."""
 _NORMAL_975, _NORMAL_99, _NORMAL_999 = 1.959964, 2.326348, 3.090232
 """Quantiles of the normal distribution."""
-_MIN_SAMPLES_PER_PERIOD = 10
+_MIN_SAMPLES_TO_PERIODS = 10
 """Least ratio of the samples of a period to the number of periods: with fewer, noise of many periods resembles structure."""
 _MIN_LONG_PERIODS = 3
 """Least number of long periods."""
@@ -241,7 +241,7 @@ def _split_deviations(
 ) -> tuple[np.ndarray, list[StructuredPart], float]:
     """Return noise, structured parts and degrees of freedom of the noise; several short periods count as one long period."""
     periods, samples = deviations.shape
-    joined = int(np.ceil(np.sqrt(_MIN_SAMPLES_PER_PERIOD * periods / samples)))
+    joined = int(np.ceil(np.sqrt(_MIN_SAMPLES_TO_PERIODS * periods / samples)))
     joined = max(min(joined, periods // _MIN_LONG_PERIODS), 1)
     rows = deviations[: periods // joined * joined].reshape(-1, joined * samples)
     signals = (np.tile(signal, joined) for signal in (mean_period, mean_excitation))
