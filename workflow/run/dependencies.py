@@ -91,7 +91,7 @@ def library_sources(script: str) -> list[str]:
             if file not in seen:
                 seen.add(file)
                 pending.append(file)
-    for folder in {file.parent for file in seen if PACKAGE in file.parts}:
+    for folder in {file.parent for file in seen if file.is_relative_to(WORKFLOW / PACKAGE)}:
         seen |= _data_files(folder)
     return sorted(str(file) for file in seen)
 

@@ -69,7 +69,8 @@ def user_message(error: BaseException) -> str | None:
     if not is_out_of_range:
         return None
     last = traceback.extract_tb(error.__traceback__)
-    place = next((item for item in reversed(last) if "lumbar" in Path(item.filename).parts), None)
+    package = Path(__file__).parents[1]
+    place = next((item for item in reversed(last) if Path(item.filename).is_relative_to(package)), None)
     where = f" in {Path(place.filename).name}, line {place.lineno}" if place else ""
     return (
         f"numbers left the range that can be computed with{where} ({error}): look for values that are far too "
